@@ -28,7 +28,7 @@ TOOLS = FLOOR | CONTAINERS | {
     "compare.checks", "compare", "compare.report", "engines"}
 COMMAND_LINES = {"cli", "cli.main"}
 ALL_OF_JAKA_BAG = {"jaka_bag"} | {"jaka_bag." + room for room in TOOLS | COMMAND_LINES}
-"""What stands on the log tools: each package of its own, which knows none of the others."""
+"""Everything that packages on the log tools may import; none of them knows the others."""
 FORMATS = {"containers.bag", "containers.mcap"}
 ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a module is in the room of the longest name
     **rooms("jaka_ros_driver", {

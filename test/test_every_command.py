@@ -75,7 +75,7 @@ def test_the_walk_finds_what_is_there():
 NEVER_EMPTY = {"--black-box", "--dask", "--key", "--sign", "--signature", "--tls-cert", "--tls-key", "--token-file"}
 """Options without which a program does something else, perhaps unsigned or open: "" must not be taken for none."""
 EVERYWHERE = {"--host"}
-"""To a listener an empty address is every address."""
+"""Options whose empty address a listener would take for every address."""
 REFUSING = [(program, words, option) for program, words in EVERY if (program, words) != ("jaka_bag", [])
             and not (words == ["info"]) and program != "jaka_sim" and not needs_ros(program)
             for action in parser(program, words)._actions for option in action.option_strings
@@ -84,7 +84,7 @@ REFUSING = [(program, words, option) for program, words in EVERY if (program, wo
 
 @pytest.mark.parametrize("program, words, option", REFUSING, ids=[" ".join([a, *b, c]) for a, b, c in REFUSING])
 def test_an_option_that_is_given_empty_is_refused(program, words, option, tmp_path):
-    """As by ``--sign "$KEY"``, where the shell has no such variable."""
+    # as by ``--sign "$KEY"``, where the shell has no such variable
     need(program, words)
     code, said = run(tmp_path, " ".join([program, *words, option, "''", "file"]))
     assert code == 2 and re.search("argument .*%s.*: it is empty" % option, said), said

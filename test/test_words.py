@@ -41,7 +41,7 @@ VERBS = frozenset(
     "expand expect export extend extract fail fetch fill filter find finish fit flush fold follow forbid force "
     "forget format forward free freeze gather generate get give go grant group guard guide hand handle have hit "
     "hold identify ignore import include increase index infer inject insert inspect install integrate interpolate "
-    "interrupt invert iterate jog join jump keep kill label launch learn leave let limit link list listen load "
+    "interrupt invert iterate jog join judge jump keep kill label launch learn leave let limit link list listen load "
     "locate lock log look lose lower make map mark match measure merge mirror move multiply name narrow normalise "
     "note notice notify observe offer omit open operate order pair parse pass pause perform permit pick place "
     "plan play plot point poll pop post power predict prefix prepare press prevent print probe process produce "

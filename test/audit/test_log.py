@@ -18,7 +18,7 @@ from jaka_ros_driver.audit.log import AuditLog
 
 PATIENCE_S = 20.0
 AT_ONCE_S = 5.0
-"""s for a thousand lines, beside a disk that is held for PATIENCE_S; on a quiet host it is 2 ms."""
+"""Time limit, s, for a thousand lines beside a disk that is held for PATIENCE_S; on a quiet host it is 2 ms."""
 YEAR_NS = 365 * 86400 * 10 ** 9
 
 

@@ -30,10 +30,10 @@ from ros_graph import master  # noqa: E402
 WATCHED_S = 20.0
 SETTLE_S = 3.0
 LET_GO_S = 15.0
-"""s; without pages the panel unsubscribes after 10 s."""
+"""Time after which a panel without pages has unsubscribed, s; its own limit is 10 s."""
 STOPS = 300
 ROUNDS = 5
-"""Rounds: the 99th percentile of one row's jitter differs from the next by a factor of two, without any page."""
+"""Number of rounds: one row's 99th percentile of jitter differs from the next by a factor of two, without any page."""
 
 
 def watch(pipe, port, token, arm, count):

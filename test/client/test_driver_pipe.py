@@ -63,13 +63,13 @@ def ends():
 
 @pytest.fixture
 def starved(monkeypatch):
-    """Pretend that the driver could run, and gets no time."""
+    """Simulate a driver that could run, and gets no time."""
     monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: process == os.getpid())
 
 
 @pytest.fixture
 def idle_host(monkeypatch):
-    """Pretend an idle host: the test itself is the driver here, and may be running."""
+    """Simulate an idle host: the test itself is the driver here, and may be running."""
     monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: False)
 
 

@@ -72,7 +72,7 @@ def test_damaged_frames_change_nothing_but_a_counter():
 
 
 def fed(*pieces, period=0.008):
-    """Feed pieces and return (angle in deg, is new) of each frame; a piece is (time, angles that arrive at it)."""
+    """Receive pieces and return (angle in deg, is new) of each frame; a piece is (time, angles that arrive at it)."""
     feed = Feed(period)
     feed.open(0.0)
     return [(round(math.degrees(state.joint_position[0])), is_new) for now, angles in pieces

@@ -163,7 +163,7 @@ def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_mov
 
 @pytest.mark.parametrize("number", OUTLIVED, ids=lambda number: number.name)
 def test_what_asks_every_process_to_end_leaves_a_frozen_driver_its_guard(driver, number):
-    """As systemd does with all processes of a service, or when the computer is shut down."""
+    # as systemd does with all processes of a service, or when the computer is shut down
     one, process = driver("jog")
     guard = process.watched()
     process.send(signal.SIGSTOP)

@@ -68,7 +68,7 @@ def loop(monkeypatch):
             return self
 
         def until_replaced(self, count):
-            """Beat until so many guards were made; return how long that took, s."""
+            """Send beats until so many guards were made; return how long that took, s."""
             began = self.now
             while len(Post.made) < count and self.now < began + 60.0:
                 self.beat(0.02)

@@ -54,7 +54,7 @@ class Beats:
             self._guard.beat(self.now)
 
     def until(self, condition):
-        """Beat as time goes by until the condition holds."""
+        """Send beats as time goes by until the condition holds."""
         deadline = time.monotonic() + WAIT
         while not condition() and time.monotonic() < deadline:
             self.go_on(BEAT_PERIOD_S)

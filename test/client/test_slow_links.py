@@ -20,7 +20,7 @@ LENGTH = 9.0
 SPEED = 0.3
 LONGEST_AGE = 0.8
 SLACK = 0.15
-"""s; for a machine whose processors are shared: the proxy and the record of true joints are threads, too."""
+"""Slack of a machine whose processors are shared, s: the proxy and the record of true joints are threads, too."""
 PIECE = 256
 
 

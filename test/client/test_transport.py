@@ -9,7 +9,7 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.transport import Closed, Opened, Received, Transport
 
 MORE_THAN_ONE_READ = 150000
-"""bytes; a socket is read 65,536 at a time."""
+"""Number of bytes that takes several reads of a socket, which is read 65,536 at a time."""
 
 
 class Peer:
@@ -101,7 +101,7 @@ def test_the_other_end_of_a_connection_that_ends_is_told_once(peer):
 
 
 def test_a_connection_ends_whose_other_end_acknowledges_nothing():
-    """A host that has gone without a word acknowledges nothing, nor does one whose buffers are full."""
+    # a host that has gone acknowledges nothing, nor does one whose buffers are full
     with contextlib.closing(Peer(acknowledge_timeout=0.3)) as peer:
         peer.listeners[Port.COMMAND].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         peer.connect(Port.COMMAND)

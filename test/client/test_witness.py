@@ -109,7 +109,7 @@ def test_only_a_refusal_to_tell_the_joints_ends_the_trust_in_the_witness(one, re
 
 @pytest.mark.parametrize("shown_at", [None, 3])
 def test_drives_that_the_controller_says_are_off_must_be_shown_off_once_within_half_a_second(one, shown_at):
-    """shown_at: the frame that shows them powered and not enabled; None: no frame does."""
+    # shown_at: the frame that shows them powered and not enabled; None: no frame does
     for is_ready in (True, False):
         one.ask()
         one.answer(Query.DRIVES_READY, is_ready)

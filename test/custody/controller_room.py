@@ -31,8 +31,9 @@ PENDANT, HAND, NOBODY = "pendant", "hand", "nobody"
 driver has left."""
 
 FINDS_DEAD_CLIENT_AFTER = 1.0
-"""s; a controller that serves only its first client checks this long after a second one whether the first is still
-there. Not known of real ones."""
+"""Time, s, after which a controller that serves only its first client checks whether that one is still there.
+
+The time begins with the second client. It is not known of real controllers."""
 PLANNED = frozenset(("joint_move", "moveL", "movc"))
 STREAMED = frozenset(("servo_j", "servo_p"))
 
@@ -48,7 +49,7 @@ def is_motion(request: Dict[str, Any]) -> bool:
 
 
 def is_part_of_stop(request: Dict[str, Any]) -> bool:
-    """The request ends a jog, servo mode or whatever is planned."""
+    """Return whether the request ends a jog, servo mode or whatever is planned."""
     name = request.get("cmdName")
     return name == "stop_program" or (name in ("jog", "servo_move") and not is_motion(request))
 
@@ -200,7 +201,7 @@ class ControllerRoom:
     # ---- the command port ----
 
     def accepted(self, cable: Cable) -> None:
-        """Admit or reject a client that has connected (docs/controller-protocol.md section 1)."""
+        """Accept or reject a client that has connected (docs/controller-protocol.md section 1)."""
         if cable.port is not Port.COMMAND:
             return
         if self._second_client == REFUSED and self._first is not None:

@@ -27,7 +27,7 @@ KERNEL_BYTES = 1 << 18
 """Bytes of the status feed that the kernel keeps for a reader that stands still; further frames are lost."""
 _SHORTEST_TICK = 5e-5
 _WRITE_TIME = 0.002
-"""s; from a driver's word to the file on disk, which is written in a thread of its own."""
+"""Time from a driver's message to the file on disk, which is written in a thread of its own, s."""
 _TOO_MANY_TURNS = 1000
 
 
@@ -193,7 +193,7 @@ class DriverProcess:
         self._when_awake(lambda: self._do(action))
 
     def pause(self, duration: float) -> None:
-        """Stand still for so long."""
+        """Pause the process for ``duration``, s."""
         now = self._clock.now
         if self.is_gone or self.is_paused:
             return

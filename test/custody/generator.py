@@ -322,7 +322,7 @@ def _aimed(chance: random.Random, events: Sequence[Event], jog_timeout: float) -
 
 
 _QUICK_DRIVES = {"power_delay": 0.5, "enable_delay": 0.3}
-"""s; where drives take 12 s, little else happens in a scenario."""
+"""Times that quick drives take, s; where drives take 12 s, little else happens in a scenario."""
 _CALMED: Dict[str, float] = {"start_delay": 0.75, "frame_bytes": 0.9, "missing_frame_fields": 0.5,
                              "missing_commands": 0.5}
 """Shares of scenarios in which a dimension keeps its default. An arm that begins seconds late is stopped each time, and

@@ -1,4 +1,4 @@
-"""Another driver, somewhere in the network, that takes the command port for itself and perhaps moves the arm."""
+"""A second driver, somewhere in the network, that takes the command port for itself and perhaps moves the arm."""
 from typing import Callable, Optional
 
 from controller_room import RIVAL
@@ -9,7 +9,7 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.protocol.framing import encode_object
 
 _AGAIN_AFTER = 0.5
-"""s; a driver that has lost its port connects anew after a while, as the one under test does."""
+"""Pause, s, before a driver that has lost its port connects anew, as the one under test does."""
 
 
 class Rival:

@@ -20,12 +20,11 @@ _ESSENTIAL_FIELDS = frozenset((
     "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
 _SAME_MOMENT = 1e-6
 _AFTER_FREEZE = 1.5
-"""s; motions begun by frozen frames still run for a while, and callers that waited for rest begin."""
+"""Time, s, for which motions begun by frozen frames still run, and callers that waited for rest begin."""
 _AFTER_JUMP = 1.0
-"""s; how long a driver may rely on a frame in which the joints jumped: until it has begun what it was asked for
-then."""
+"""Time, s, for which a driver may rely on a frame in which the joints jumped: until it has begun what was asked."""
 _KEPT_S = 3.0
-"""s; how long frames are kept, to be sent again."""
+"""Time for which frames are kept, to be sent again, s."""
 
 
 class Frame(NamedTuple):

@@ -14,7 +14,7 @@ from jaka_ros_driver.client.core.actions import Port
 
 CONNECT_ROUND_TRIPS = 1.0
 _AFTER_BACKLOG = 0.3
-"""s; the last bytes of a backlog were late like those before them, and they may be read a little later."""
+"""Time after a backlog, s: its last bytes were late like those before them, and they may be read a little later."""
 _PIECE_GAPS = (0.0001, 0.002)
 PORTS = (Port.COMMAND, Port.STATUS)
 
@@ -197,7 +197,7 @@ class Cable:
         self.to_driver.send(None)
 
     def cut(self, driver_learns: bool, controller_learns: bool) -> None:
-        """Break the connection: bytes on their way are lost, and each end learns of it or not."""
+        """Cut the connection: bytes on their way are lost, and each end learns of it or not."""
         self.to_controller.die()
         self.to_driver.die()
         self._is_cut = True

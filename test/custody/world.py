@@ -30,12 +30,12 @@ from jaka_ros_driver.simulation.controller.state import Options, Start
 
 MODEL = "zu7"
 BEGIN = 1000.0
-"""s; not 0, because a host's monotonic clock is not 0 when a driver starts."""
+"""Beginning of the clock, s; not 0, because a host's monotonic clock is not 0 when a driver starts."""
 LONGEST_GOOD_BYE = 1.0
-"""s; how long a driver that shuts down waits for the arm to rest, the same as ``ArmClient``."""
+"""Time that a driver that shuts down waits for the arm to rest, s, the same as ``ArmClient``."""
 QUIET_WAIT = 4.0
 RESTART_AFTER = 1.0
-"""s; how soon a driver is started again after its guard has killed it."""
+"""Time until a driver is started again after its guard has killed it, s."""
 SERVO_FRAME_BYTES = 120
 """About the size of a servo frame: sets how slow a link must be to carry less than a servo stream."""
 TRIES_TO_STOP = 5

@@ -1,4 +1,4 @@
-"""jaka_foxglove on a real master: foreign viewers receive what is published, see parameters and the graph."""
+"""The bridge jaka_foxglove on a real master: foreign viewers receive messages, see parameters and the graph."""
 import base64
 import json
 import signal

@@ -1,4 +1,4 @@
-"""jaka_bag serve and its viewers: foreign clients receive what is in the file; play, pause, seek and speed."""
+"""The command jaka_bag serve: foreign viewers receive what is in the file; play, pause, seek and speed."""
 import asyncio
 import signal
 import struct

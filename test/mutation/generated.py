@@ -31,7 +31,7 @@ EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 KEPT = mutate.ROOT / "build" / "mutation" / "verdicts.jsonl"
 _STATE_OF = ("jaka_msgs", "jaka_ros_driver", "test", "tools")
 LONGEST_TESTS_S = 120.0
-"""s; of the tests that run a line the fastest ones are taken, until they take so long together."""
+"""Time limit for the tests of a line together, s; the fastest ones are taken."""
 _LEAST_S, _SLOWER, _WAITS = 20.0, 4.0, 2.0
 """A mutant's tests may take 20 s of a processor and four times as long as without it, and twice that while they wait;
 then the mutant counts as noticed."""
@@ -39,7 +39,7 @@ _LOADED_FIRST = ("numpy", "yaml", "hypothesis", "aiohttp", "rospy", "actionlib",
                  "control_msgs.msg", "diagnostic_msgs.msg", "diagnostic_updater", "geometry_msgs.msg", "jaka_msgs.msg",
                  "jaka_msgs.srv", "roslaunch", "sensor_msgs.msg", "std_srvs.srv", "trajectory_msgs.msg")
 _FILE_S = 40.0
-"""s; taken for a file of slow tests, of which it is not known."""
+"""Time assumed for a file of slow tests that were not measured, s."""
 _TEST_S = 40.0
 _OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-W", "ignore", "-o", "timeout=%g" % _TEST_S)
 _OK, _FAILED, _WRONG_USAGE, _NO_TESTS = 0, 1, (4, 5), 5
@@ -292,7 +292,7 @@ class Verdicts:
 
 
 def state_of(root: Path) -> str:
-    """A name for what decides about mutants in a checkout: the code and the tests, without what makes the mutants."""
+    """Compute a name for what decides about mutants in a checkout: code and tests without what makes the mutants."""
     mark = hashlib.sha256()
     for path in sorted(path for name in _STATE_OF for path in (root / name).rglob("*")):
         name = path.relative_to(root).as_posix()

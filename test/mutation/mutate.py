@@ -26,7 +26,7 @@ from mutants import MUTANTS  # noqa: E402
 NOT_COPIED = ("build", "devel", "install", "__pycache__", "*.pyc", ".*_cache", ".git", ".hypothesis", "*.egg-info",
               "jaka_reports")
 TIME_LIMIT_S = 120.0
-"""s; a mutant whose tests have not ended by then counts as noticed: the time limits of the tests would fail."""
+"""Time limit, s, after which a mutant counts as noticed: the time limits of the tests would fail."""
 _SLOWER = 4.0
 """A mutant's tests may take so many times as long as they did without it, where that is more."""
 TESTS_FAILED = 1

@@ -1,4 +1,4 @@
-"""Builds of the package in temporary folders, and shells that have sourced them."""
+"""Fixtures that build the package in temporary folders, and shells that have sourced them."""
 import os
 import subprocess
 import sys

@@ -14,7 +14,7 @@ from driver_bench import HOME, Arm, ArmOfAnotherMaster, LiveDriver, SimulatorPro
 from waiting import WAIT, eventually
 
 IN_TIME = 3.0
-"""s; on a quiet host it is a tenth of that."""
+"""Time limit, s; on a quiet host it takes a tenth of that."""
 LEAVES_SERVO_MODE = {"relFlag": 0}
 
 

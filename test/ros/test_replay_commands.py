@@ -1,4 +1,4 @@
-"""jaka_bag replay-commands against a live driver: start pose, speed limit, refusal, interruption."""
+"""The command jaka_bag replay-commands against a live driver: start pose, speed limit, refusal, interruption."""
 import contextlib
 import os
 import signal

@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 from waiting import eventually
 
 OLDEST = 0.25
-"""s; how long a frame may have been on its way on a busy host."""
+"""Time that a frame may have been on its way on a busy host, s."""
 
 
 @pytest.mark.parametrize("seconds", [0.4, 4.0])

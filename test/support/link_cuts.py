@@ -1,4 +1,4 @@
-"""Cuts of the links of a running driver, each noticed, survived and judged; times are an outside observer's."""
+"""The cuts of a running driver's links, each noticed, survived and judged; times are an outside observer's."""
 import math
 import random
 import time

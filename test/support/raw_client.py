@@ -7,7 +7,7 @@ import zlib
 from typing import Any, Callable, Dict, List
 
 PATIENCE_S = 20.0
-"""s; the longest wait for something that must come; never a measure of speed."""
+"""Longest wait for something that must come, s; never a measure of speed."""
 
 
 class RawClient:

@@ -7,7 +7,7 @@ from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent, read_log
 
 REST = 1e-6
-"""rad: an arm that moves less is at rest."""
+"""Motion below which an arm is at rest, rad."""
 
 
 class WireVerdict:

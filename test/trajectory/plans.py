@@ -13,9 +13,9 @@ HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 REST = (0.0,) * 6
 PERIOD = 0.008
 ACCELERATION = 4.0 * math.pi
-"""rad/s2; the ceiling of every joint."""
+"""Ceiling of every joint's acceleration, rad/s2."""
 TOP = math.pi
-"""rad/s; the ceiling of every joint of this model."""
+"""Ceiling of every joint's speed, rad/s."""
 START_TOLERANCE = 0.01
 
 

@@ -33,11 +33,11 @@ BATCH = 10
 SPACINGS_S = (0.1, 0.05, 0.04, 0.02, 0.01, 0.008)
 SPEED_SHARE = 0.6
 ACCELERATION = 4.0
-"""rad/s2 of the plans."""
+"""Acceleration of the plans, rad/s2."""
 MARGIN = 0.3
-"""rad; a spline through a planner's points swings out beside them."""
+"""Distance, rad, that a spline through a planner's points may swing out beside them."""
 FLOOR = 0.05
-"""m; no link comes lower, which is what makes ways of more than one line."""
+"""Lowest height of a link, m, which is what makes paths of more than one line."""
 LONGEST_STEP = 0.8
 DURATION_TOLERANCE_S = SERVO_PERIOD_S
 RMS_TOLERANCE = 2e-4

@@ -1,4 +1,4 @@
-"""How far an arm has come on a path of segments: what it can have reached since it was seen last, and no more."""
+"""The progress of an arm on a path of segments: what it can have reached since it was seen last, and no more."""
 import pytest
 
 from jaka_ros_driver.commands import JointMove, Pose
@@ -15,7 +15,7 @@ def joints(first):
 
 @pytest.fixture
 def tracker():
-    """Joint 1 goes to 1 rad in 2 s, and back."""
+    """Return a tracker of joint 1 that goes to 1 rad in 2 s, and back."""
     ways = (0.0, 1.0, 0.0)
     commands = [JointMove(joints(way), SPEED, 1.0) for way in ways[1:]]
     return PathTracker(SegmentPath(commands, [PathPlace(joints(way), TOOL) for way in ways]), 10.0)

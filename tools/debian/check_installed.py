@@ -1,4 +1,4 @@
-"""Does what the packages install work? The demo, the README's commands, every program, man pages, completions.
+"""A check of what the packages install: the demo, the README's commands, every program, man pages, completions.
 
 argv: the README; the time at which apt began to install, s since 1970. Prints a line for each thing tried; exits 1
 where one failed. Runs with the installed Python and its standard library alone, in a network namespace of its own.
@@ -22,7 +22,7 @@ PATIENCE_S = 240.0
 ENVIRONMENT = {**os.environ, "ROS_HOSTNAME": "localhost", "PYTHONUNBUFFERED": "1"}
 PROGRAMS = {"jaka_bag": [], "jaka_driver": [], "jaka_foxglove": [], "jaka_panel": [], "jaka_sim": ["panel", "proxy"]}
 ANSWERS = {"get_fk": "cartesian_pose: [", "rostopic hz": "average rate", "jaka_bag info": "messages"}
-"""What the answers to commands of the README have in them, besides an exit code of 0."""
+"""Text that the output of some of the README's commands must contain, besides an exit code of 0."""
 results: Dict[str, str] = {}
 
 

@@ -1,4 +1,4 @@
-"""Does the service jaka-driver@ARM do under a running systemd what docs/security.md says of it?
+"""A check that the service jaka-driver@ARM under a running systemd does what docs/security.md says of it.
 
 Runs as root beside systemd, with what the packages install and a simulated controller that is a service, too. Prints a
 line for each thing tried; exits 1 where one failed.
@@ -48,7 +48,7 @@ def require(condition: Callable[[], object], what: str, patience: float = PATIEN
 
 
 def said(words: str, since: float) -> bool:
-    """Tell whether the journal of the unit has these words since a time."""
+    """Return whether the unit's journal contains these words since a time, s since 1970."""
     return words in run("journalctl --no-pager --output=cat --unit=%s --since=@%d" % (UNIT, since))
 
 
@@ -91,7 +91,7 @@ def rests(what: str) -> str:
 
 
 def incomplete() -> str:
-    """A configuration without address and model starts no driver, and says why."""
+    """Check that a configuration without address and model starts no driver, and that the journal says why."""
     CONFIGURATION.parent.mkdir(exist_ok=True)
     shutil.copy(str(EXAMPLE), str(CONFIGURATION))
     begun = time.time()
@@ -102,7 +102,7 @@ def incomplete() -> str:
 
 
 def started() -> str:
-    """It runs without rights as a user of its own, and powers nothing."""
+    """Check that the driver runs without rights as a user of its own, and powers nothing."""
     text = EXAMPLE.read_text().replace("IP=\n", "IP=127.0.0.1\n").replace("MODEL=\n", "MODEL=zu7\n")
     CONFIGURATION.write_text(text)
     run("systemctl start " + UNIT)
@@ -118,7 +118,7 @@ def started() -> str:
 
 
 def moved() -> str:
-    """A caller of its services moves the arm."""
+    """Check that a caller of the driver's services moves the arm."""
     ready()
     answer = run(MOVE % (0.3, 1.0))
     assert "ret: 1" in answer, answer
@@ -126,7 +126,7 @@ def moved() -> str:
 
 
 def restarted() -> str:
-    """A restart in the middle of a move stops the arm; nothing resumes; it can be moved again."""
+    """Check that a restart during a move stops the arm, that nothing resumes, and that the arm can be moved again."""
     with moving() as caller:
         old = shown("MainPID")
         asked = time.monotonic()
@@ -141,7 +141,9 @@ def restarted() -> str:
 
 
 def killed() -> str:
-    """A driver that is killed in a move: its guard stops the arm and ends, systemd starts another."""
+    """Check that the guard of a driver killed during a move stops the arm and ends, and that systemd starts a new
+    one.
+    """
     with moving():
         before, begun = int(shown("NRestarts")), time.time()
         run("systemctl kill --kill-whom=main --signal=KILL " + UNIT)
@@ -156,7 +158,7 @@ def killed() -> str:
 
 
 def frozen() -> str:
-    """A driver that hangs in a move, while all of its service is asked to end: the guard stops the arm."""
+    """Check that the guard stops the arm when the driver hangs in a move while all of its service is asked to end."""
     with moving():
         begun = time.time()
         run("systemctl kill --kill-whom=main --signal=STOP " + UNIT)
@@ -169,7 +171,7 @@ def frozen() -> str:
 
 
 def stopped() -> str:
-    """A stop of the service in the middle of a move stops the arm; nothing is left of it."""
+    """Check that a stop of the service during a move stops the arm and leaves no process."""
     run("systemctl start " + UNIT)
     moved()
     with moving():
@@ -181,7 +183,7 @@ def stopped() -> str:
 
 
 def judged() -> str:
-    """systemd finds no mistake in the unit, and few rights."""
+    """Check that systemd finds no mistake in the unit and grants it few rights; return its exposure level."""
     text = run("systemd-analyze verify --man=no " + UNIT)
     assert "jaka" not in text, text
     lines = run("systemd-analyze security --no-pager --threshold=15 " + UNIT).splitlines()

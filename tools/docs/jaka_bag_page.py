@@ -56,12 +56,12 @@ def _row(name: str, summary: str, peers: Peers) -> str:
 
 
 def _name_of(action: argparse.Action) -> str:
-    """The longest of an option's names."""
+    """Return the longest of an option's names."""
     return max(action.option_strings, key=len)
 
 
 def shown_options(parser: argparse.ArgumentParser) -> List[argparse.Action]:
-    """The options of a command that its help names, without ``--help``."""
+    """Return the options that a command's help names, without ``--help``."""
     return [action for action in parser._actions
             if action.option_strings and action.help != argparse.SUPPRESS and "--help" not in action.option_strings]
 
@@ -91,7 +91,7 @@ def _section(name: str) -> List[str]:
 
 
 def page() -> str:
-    """The page.
+    """Return the text of the page.
 
     Raises:
         MissingCommand: The package that brings a command is not installed.

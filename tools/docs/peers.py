@@ -1,4 +1,6 @@
-"""What ``rosbag`` (1.15), ``mcap`` (foxglove's program) and ``ros2 bag`` call the commands and options of jaka_bag."""
+"""The names that ``rosbag`` (1.15), foxglove's ``mcap`` and ``ros2 bag`` give to the commands and options of
+jaka_bag.
+"""
 from typing import Dict, NamedTuple
 
 
@@ -26,7 +28,7 @@ COMMANDS: Dict[str, Peers] = {
     "extract": Peers("", "list, get attachment, get metadata", ""),
     "completion": Peers("", "completion", ""),
 }
-"""By command of jaka_bag; a command that is not here has none of its kind elsewhere."""
+"""Counterparts by command of jaka_bag; a command that is missing here has none."""
 
 _TOPICS = Peers("", "--topics", "--topics")
 _SELECTION = {
@@ -78,7 +80,7 @@ OPTIONS: Dict[str, Dict[str, Peers]] = {
                "--metadata": Peers("", "add metadata --key", "")},
     "extract": {"--output": Peers("", "--output", "")},
 }
-"""By command and by the option's longest name; an option that is not here has none of its kind elsewhere."""
+"""Counterparts by command and the option's longest name; an option that is missing here has none."""
 
 WITHOUT: Dict[str, str] = {
     "record --publish": "no message at the beginning", "record --udp": "TCP alone",

@@ -1,4 +1,4 @@
-"""What a user can set, from the command line; the token."""
+"""The settings of the panel, from the command line; the token."""
 import argparse
 import ipaddress
 import os
@@ -30,7 +30,7 @@ class WrongSettings(ValueError):
 
 @dataclass(frozen=True)
 class Settings:
-    """What a user can set.
+    """The settings of the panel.
 
     Attributes:
         host: Address to listen on.
@@ -58,22 +58,22 @@ class Settings:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this computer can reach it."""
+        """True if only this computer can reach the panel."""
         return is_loopback(self.host)
 
     @property
     def scheme(self) -> str:
-        """Of its address."""
+        """The URL scheme of the panel's address: http or https."""
         return "http" if self.tls is None else "https"
 
     def address(self, port: int, token: Optional[str] = None) -> str:
-        """Of the page, with the token where one is given."""
+        """Return the URL of the page, with the token where one is given."""
         host = "[%s]" % self.host if ":" in self.host else LOOPBACK if self.host == "0.0.0.0" else self.host
         return "%s://%s:%d/%s" % (self.scheme, host, port, "" if token is None else "#token=" + token)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address or name is this computer's own."""
+    """Return whether an address or name is this computer's own."""
     if host == "localhost":
         return True
     try:
@@ -83,7 +83,7 @@ def is_loopback(host: str) -> bool:
 
 
 def settings_from(arguments: List[str]) -> Settings:
-    """The settings of a command line; argparse ends the program where it is wrong.
+    """Return the settings of a command line; argparse ends the program if it is wrong.
 
     Raises:
         WrongSettings: Options contradict each other, or a file cannot be used.
@@ -104,12 +104,12 @@ def settings_from(arguments: List[str]) -> Settings:
 
 
 def new_token() -> str:
-    """A token that nobody guesses."""
+    """Generate a token that nobody guesses."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
 def token_from_file(path: str) -> str:
-    """The token in a file, which only its owner can read; made where there is none.
+    """Return the token in a file that only its owner can read; make the file if there is none.
 
     Raises:
         WrongSettings: Others can read it, it is too short, or cannot be read or made.

@@ -1,4 +1,4 @@
-"""Makes a recorded run happen again, so that it can be compared with the golden one; on jaka_bag and jaka_ros_driver.
+"""The replay of recorded runs, to compare them with the golden one; on jaka_bag and jaka_ros_driver.
 
 The shelf, from the ground up; a module imports only from those above it in this list:
 

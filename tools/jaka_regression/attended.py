@@ -14,7 +14,7 @@ class ReplayStopped(BagError):
 
 
 def attended(work: Callable[[], T], why_end: Callable[[], Optional[str]]) -> T:
-    """What ``work`` gives; its errors are raised here.
+    """Run ``work`` in a thread; return its value, raise its errors.
 
     A signal's handler may not wait, and a call of a service does not end before its motion has: so the caller's thread
     looks 50 times a second whether to go on, and leaves the work to itself where not.

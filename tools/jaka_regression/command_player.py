@@ -1,4 +1,4 @@
-"""Makes recorded service calls again: on time, in threads where they overlap, until the first unforeseen refusal."""
+"""The replay of recorded service calls: on time, in threads where they overlap, until the first unforeseen refusal."""
 import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
@@ -14,7 +14,7 @@ _PATIENCE_S = 60.0
 
 
 class Reply(NamedTuple):
-    """What came of a call made again.
+    """The reply to a call made again.
 
     Attributes:
         success: Answered, and successful as far as its type can tell.
@@ -26,7 +26,7 @@ class Reply(NamedTuple):
 
 
 class CommandPlayer:
-    """Makes the calls of a plan.
+    """A player of a plan's calls.
 
     Args:
         planned: The plan.

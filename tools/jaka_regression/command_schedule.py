@@ -1,4 +1,4 @@
-"""When each recorded service call is made again: at its recorded time, never before what it followed has ended."""
+"""The schedule of replayed service calls: at the recorded time, never before what a call followed has ended."""
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_bag.compare.runs.run import Call
@@ -29,7 +29,7 @@ class Planned(NamedTuple):
 
 
 def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> List[Planned]:
-    """The plan of a log's calls.
+    """Plan a log's calls.
 
     Args:
         calls: By time of arrival.
@@ -51,7 +51,7 @@ def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> Lis
 
 
 def _pause(before: Call, call: Call) -> float:
-    """How long after the end of a call another one comes at least, s; a stream that is late catches up."""
+    """Return the shortest pause between the end of a call and another one, s; a stream that is late catches up."""
     if before.short_name in STREAM_SERVICES and call.short_name in STREAM_SERVICES:
         return 0.0
     return min(call.start - before.end, _SETTLE_S)
@@ -59,7 +59,7 @@ def _pause(before: Call, call: Call) -> float:
 
 def due(planned: Planned, started: Sequence[Optional[float]], ended: Sequence[Optional[float]], begin: float,
         after_previous: bool) -> Optional[float]:
-    """When a call is to be made, s on the clock of the other times; None while what it follows has not ended.
+    """Return when a call is to be made, s on the clock of the other times; None while what it follows has not ended.
 
     Args:
         planned: The call.
@@ -83,7 +83,7 @@ def due(planned: Planned, started: Sequence[Optional[float]], ended: Sequence[Op
 
 
 def as_text(planned: Sequence[Planned]) -> str:
-    """The plan as a table, a call a line."""
+    """Format the plan as a table, a call a line."""
     lines = ["%9s  %9s  %-9s %s" % ("at s", "lasted s", "outcome", "call")]
     for entry in planned:
         call = entry.call

@@ -38,13 +38,13 @@ class DriverNotThere(BagError):
 
 
 def raw_service(service_type: str, md5sum: str) -> Any:
-    """A service class that passes bytes through, for ``rospy.ServiceProxy``; the md5 is the recorded caller's."""
+    """Make a service class that passes bytes through, for ``rospy.ServiceProxy``; the md5 is the recorded caller's."""
     return type("RawService", (), {"_type": service_type, "_md5sum": md5sum, "_request_class": RawMessage,
                                    "_response_class": RawMessage})
 
 
 def outcome_of(service_type: str, raw: bytes) -> Reply:
-    """Success and message of a response; a type that is not known, or has no such field, counts as success."""
+    """Parse success and message of a response; one of an unknown type, or without such a field, counts as success."""
     known = roslib_message.get_service_class(service_type)
     if known is None:
         return Reply(True, "")
@@ -59,7 +59,7 @@ def outcome_of(service_type: str, raw: bytes) -> Reply:
 
 
 def slowed(call: Call, share: float) -> bytes:
-    """The request with its speeds at this share of the recorded ones.
+    """Return the request with its speeds at this share of the recorded ones.
 
     Raises:
         BagError: The type is not known here, or not the recorded one.
@@ -81,7 +81,7 @@ def slowed(call: Call, share: float) -> bytes:
 
 
 def _installed(kind: str, name: str) -> Any:
-    """The class of a type that this code needs itself; ``kind`` is message or service."""
+    """Return the class of a type that this code needs itself; ``kind`` is message or service."""
     found = getattr(roslib_message, "get_%s_class" % kind)(name)
     if found is None:
         raise BagError("the %s type %s is not installed" % (kind, name))
@@ -107,7 +107,7 @@ class DriverClient:
         self._is_over = False
 
     def unless_cancelled(self, work: Callable[[], T]) -> T:
-        """What ``work`` gives; ``ReplayStopped`` as soon as somebody cancels."""
+        """Run ``work`` and return its value; raise ``ReplayStopped`` as soon as somebody cancels."""
         return attended(work, lambda: "interrupted" if self._cancelled.is_set() else None)
 
     def wait_for(self, services: List[str], timeout_s: float) -> None:
@@ -127,7 +127,7 @@ class DriverClient:
 
     @contextlib.contextmanager
     def _call(self) -> Iterator[None]:
-        """A call that may move the arm; raises ``ReplayStopped`` where the drivers have been told to stop."""
+        """Guard a call that may move the arm; raise ``ReplayStopped`` if the drivers have been told to stop."""
         with self._changed:
             if self._is_over:
                 raise ReplayStopped("interrupted")
@@ -161,7 +161,7 @@ class DriverClient:
             return proxy
 
     def joint_position(self, topic: str, timeout_s: float) -> Tuple[float, ...]:
-        """Where an arm stands, rad.
+        """Wait for the joint positions of an arm, rad.
 
         Raises:
             DriverNotThere: Nothing is published.

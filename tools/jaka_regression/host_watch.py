@@ -1,4 +1,4 @@
-"""Notices when a busy computer lets programs wait, which can look like a difference of the arm."""
+"""A watch for pauses in which a busy computer lets programs wait, which can look like a difference of the arm."""
 import os
 import threading
 import time
@@ -55,7 +55,7 @@ class HostWatch:
             before = now
 
     def words(self, since_ns: int, time_scale: float = 1.0) -> str:
-        """What to tell of it beside a difference; empty where there was no pause since the log began.
+        """Describe the longest pause, to be shown beside a difference; empty if there was none since the log began.
 
         Args:
             since_ns: Start of the log whose times the reader sees, ns since the epoch.

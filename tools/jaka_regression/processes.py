@@ -69,7 +69,7 @@ class Program:
                 self._on_line(line)
 
     def first_line(self, timeout_s: float) -> str:
-        """The next line that it prints."""
+        """Wait for the next line that the program prints."""
         def line() -> Optional[str]:
             try:
                 return self._lines.get(timeout=0.05)
@@ -78,7 +78,7 @@ class Program:
         return self._wait_for(line, timeout_s, "says nothing")
 
     def _wait_for(self, attempt: Callable[[], Optional[str]], timeout_s: float, problem: str) -> str:
-        """What an attempt gives, which is made again until it gives something."""
+        """Call ``attempt`` repeatedly until it returns a value; return that, or raise ProgramFailed."""
         end = time.monotonic() + timeout_s
         while True:
             is_over = self.process.poll() is not None
@@ -89,11 +89,11 @@ class Program:
                 raise self.failure("ended" if is_over else problem)
 
     def failure(self, problem: str) -> ProgramFailed:
-        """An error that tells what is wrong, and the program's last words."""
+        """Make an error with the problem and the end of the program's output."""
         return ProgramFailed("%s %s: %s" % (self.name, problem, self.last_words()))
 
     def first_object(self, timeout_s: float) -> Dict[str, Any]:
-        """The next line that it prints, a JSON object."""
+        """Wait for the next line that the program prints, a JSON object; return that."""
         line = self.first_line(timeout_s)
         try:
             value = json.loads(line)
@@ -122,14 +122,14 @@ class Program:
         self._wait_for(printed, timeout_s, "did not print %r" % words)
 
     def printed(self) -> str:
-        """All that it has printed."""
+        """Return all that the program has printed."""
         try:
             return self.output.read_text(encoding="utf-8", errors="replace")
         except OSError:
             return ""
 
     def last_words(self) -> str:
-        """The end of what it has printed."""
+        """Return the end of what the program has printed."""
         return self.printed()[-_SHOWN:].strip() or "it printed nothing"
 
     def end(self, number: signal.Signals = signal.SIGINT) -> Optional[int]:

@@ -1,4 +1,4 @@
-"""What a replay starts, as arguments of this interpreter: all of it stands here.
+"""The programs that a replay starts, all of them, as arguments of this interpreter.
 
 Programs that people start, too, are started by the function that their own files call, for a replay does not know where
 those files are.
@@ -24,5 +24,5 @@ each program here that is ended by SIGINT sets what it does then."""
 
 
 def driver_in(folder: str) -> Tuple[str, str]:
-    """As ``DRIVER``, of the packages in a folder, which come before this interpreter's own."""
+    """Return ``DRIVER`` for the packages in a folder, which come before this interpreter's own."""
     return "-c", "import sys; sys.path.insert(0, %r); %s" % (folder, DRIVER[1])

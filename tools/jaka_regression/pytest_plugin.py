@@ -1,4 +1,4 @@
-"""pytest plugin: golden logs as tests.
+"""The pytest plugin for golden logs as tests.
 
 ::
 
@@ -27,7 +27,7 @@ _FOLDER = "jaka_reports"
 
 
 def pytest_addoption(parser: Any) -> None:
-    """Declare the plugin's options."""
+    """Register the plugin's options."""
     group = parser.getgroup("jaka", "golden logs of JAKA arms")
     group.addoption("--jaka-reports", metavar="FOLDER", help="where reports of jaka_replay go")
     group.addoption("--jaka-time-scale", type=float, metavar="N",
@@ -37,7 +37,7 @@ def pytest_addoption(parser: Any) -> None:
 
 
 def report_folder(config: Any) -> Path:
-    """Where the reports of this run go."""
+    """Return the folder for the reports of this run."""
     chosen = config.getoption("--jaka-reports", None)
     if chosen:
         return Path(chosen)
@@ -46,13 +46,13 @@ def report_folder(config: Any) -> Path:
 
 
 def file_name(node_id: str) -> str:
-    """A name for files from the name of a test."""
+    """Make a file name from the name of a test."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", node_id).strip("_")
 
 
 @pytest.fixture  # type: ignore[misc]
 def jaka_replay(request: Any) -> "Callable[..., Replay]":
-    """Makes a golden log happen again: ``jaka_replay(golden, tolerances=None, time_scale=None, driver=None)``.
+    """Return a function that replays a log: ``jaka_replay(golden, tolerances=None, time_scale=None, driver=None)``.
 
     A relative path is looked for beside the test's file. ``tolerances`` is a YAML file or a ``Tolerances``;
     ``driver`` are the interpreter's arguments that start another driver than this package's.

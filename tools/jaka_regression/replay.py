@@ -28,7 +28,7 @@ LINK_EVENTS = ("boot", "close", "fault", "half_open", "reboot", "refuse", "reset
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of a golden log's replay.
+    """The result of a golden log's replay.
 
     Attributes:
         same: True where the candidate does what the golden log shows.
@@ -46,7 +46,7 @@ class Replay:
 
 
 def _driver_timed(calls: Sequence[Call], scenario: Scenario) -> str:
-    """What of it depends on the driver's own clock, in words; empty where nothing does."""
+    """Describe what depends on the driver's own clock; empty where nothing does."""
     services = sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
     events = sorted({str(event.request["action"]) for event in scenario.events} & set(LINK_EVENTS))
     found = [words % ", ".join(names) for words, names in (
@@ -55,7 +55,7 @@ def _driver_timed(calls: Sequence[Call], scenario: Scenario) -> str:
 
 
 def takes_time_scale(golden: PathLike) -> bool:
-    """Whether a log can be replayed at another speed: nothing in it depends on the driver's own clock.
+    """Return whether a log can be replayed at another speed: nothing in it depends on the driver's own clock.
 
     Raises:
         BagError: It, or the scenario beside it, cannot be read.

@@ -43,7 +43,7 @@ Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag replay-commands``."""
+    """Add the options of ``jaka_bag replay-commands``."""
     add = parser.add_argument
     add("log", metavar="LOG", help=".bag or .mcap with service_calls")
     add("-n", "--dry-run", action="store_true", help="print the calls and end")
@@ -69,7 +69,7 @@ def _percent(text: str) -> float:
 
 
 def _tell(args: argparse.Namespace, count: int, entry: Planned, at: float, reply: Optional[Reply]) -> None:
-    """One of ``count`` calls begins or ends, at s of the monotonic clock: for people, or as JSON for programs."""
+    """Print that one of ``count`` calls begins or ends, ``at`` monotonic s: for people, or as JSON for programs."""
     if args.progress:
         event = {"call": entry.number, "service": entry.call.service, "event": "start" if reply is None else "end",
                  "monotonic_s": at, "success": None if reply is None else reply.success}
@@ -144,7 +144,7 @@ def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], clie
 
 
 def _line_of_stdin(cancelled: threading.Event) -> str:
-    """The next line; raises ReplayStopped when somebody cancels. A thread that reads would block the program's end."""
+    """Wait for the next line, without a thread that would block the program's end; raise ReplayStopped on a cancel."""
     while not select.select([sys.stdin], [], [], _LOOK_S)[0]:
         if cancelled.is_set():
             raise ReplayStopped("interrupted")

@@ -27,7 +27,7 @@ from .motion.recorded import LONGEST_GAP_S, Recording, recorded_joints
 from .motion.time_law import SOLVERS
 
 _START_SPEED = 0.2
-"""rad/s; of the fastest joint on the way to the start."""
+"""Speed of the fastest joint on the way to the start, rad/s."""
 _PEAK = 1.875
 """The highest speed of a quintic from rest to rest, over its mean."""
 _SHORTEST_MOVE_S = 1.0
@@ -59,7 +59,7 @@ Exit code: 0 done, 1 refused or stopped, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag replay-motion``."""
+    """Add the options of ``jaka_bag replay-motion``."""
     parser.add_argument("log", metavar="LOG", help=".bag or .mcap with joint positions")
     what = parser.add_argument_group("which motion (default: all of it)")
     what.add_argument("--topic", metavar="TOPIC", help="of the joint positions, where there are several")
@@ -135,7 +135,7 @@ def _recording(args: argparse.Namespace, span: TimeSpan) -> Recording:
 
 def _limits(args: argparse.Namespace, recording: Recording, node: str,
             parameters: LogParameters) -> Tuple[ArmLimits, Optional[str]]:
-    """Of the arm that is to move; and the model of the recorded one, None where the log does not tell it."""
+    """Return the limits of the arm that is to move, and the recorded arm's model, None if the log does not have it."""
     in_log = parameters.description
     model = limits_from_urdf(in_log, recording.names).model if in_log is not None else parameters.model
     if args.description:
@@ -155,7 +155,7 @@ def _limits(args: argparse.Namespace, recording: Recording, node: str,
 
 
 def _running_description(node: str, may_be_missing: bool) -> Optional[str]:
-    """The URDF of a running driver; None where there is none.
+    """Return the URDF of a running driver; None if there is none.
 
     Raises:
         BagError: There is no master, and it may not be missing.

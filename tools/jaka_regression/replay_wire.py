@@ -33,7 +33,7 @@ Exit code: 0 done, 1 different or failed, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag replay-wire``."""
+    """Add the options of ``jaka_bag replay-wire``."""
     add = parser.add_argument
     add("wire", metavar="WIRE", help="log of a controller's bytes, .mcap")
     add("--golden", metavar="LOG", help="state log to compare with, .bag or .mcap")

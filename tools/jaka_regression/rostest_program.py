@@ -16,7 +16,7 @@ _RESULT_FLAG = "--gtest_output=xml:"
 
 
 def _report_folder(arguments: List[str], golden: Path) -> Path:
-    """Beside the results file that rostest asks for, else among the temporary files."""
+    """Return the report folder: beside the results file that rostest asks for, else among the temporary files."""
     for argument in arguments:
         if argument.startswith(_RESULT_FLAG):
             return Path(argument[len(_RESULT_FLAG):]).resolve().parent / "jaka_reports" / golden.stem
@@ -44,7 +44,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         """One golden log."""
 
         def test_it_happens_again(self) -> None:
-            """The candidate does what the golden log shows."""
+            """Check that the candidate does what the golden log shows."""
             limits = load_tolerances(options.tolerances) if options.tolerances else None
             result = replay(golden, _report_folder(arguments, golden), limits, options.time_scale)
             print(result.summary, flush=True)

@@ -1,4 +1,4 @@
-"""What a golden log needs besides itself: the arms, their simulated controllers, and what the operator does.
+"""The scenario of a golden log: the arms, their simulated controllers, and what the operator does.
 
 It stands in a YAML file beside the log, ``golden.yaml`` for ``golden.mcap``; without one there is one arm, with the
 parameters that the log's recording found set.
@@ -58,7 +58,7 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is needed to make a golden log happen again.
+    """The scenario that a golden log needs to be replayed.
 
     Attributes:
         about: How the log was made.
@@ -120,7 +120,7 @@ def _event(where: str, value: Any, arms: Tuple[Arm, ...]) -> Event:
 
 
 def parse_scenario(text: str, name: str) -> Scenario:
-    """A scenario from YAML text.
+    """Parse a scenario from YAML text.
 
     Raises:
         ScenarioError: Not YAML, an unknown key, a value of the wrong type.
@@ -145,7 +145,7 @@ def parse_scenario(text: str, name: str) -> Scenario:
 
 
 def _arms_of_log(path: PathLike) -> Tuple[Arm, ...]:
-    """The arms that a log shows, each with the parameters that the recorder found on the parameter server."""
+    """Return the arms that a log shows, each with the parameters that the recorder found on the parameter server."""
     with open_log(path) as reader:
         topics = {connection.topic for connection in reader.connections}
         found = [reader.read_attachment(entry) for entry in reader.index.attachments if entry.name == _PARAMETERS_NAME]
@@ -165,7 +165,7 @@ def _arms_of_log(path: PathLike) -> Tuple[Arm, ...]:
 
 
 def scenario_of(log: PathLike) -> Scenario:
-    """The scenario of a golden log: of the file beside it, else what the log itself says.
+    """Load the scenario of a golden log: from the file beside it, else from the log itself.
 
     Raises:
         ScenarioError: The file is not understood.

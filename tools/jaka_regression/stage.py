@@ -22,7 +22,7 @@ _TAIL_S = 0.7
 
 @dataclass(frozen=True)
 class Script:
-    """What is to happen, and what of it is recorded.
+    """The actions of a replay, and what of them is recorded.
 
     Attributes:
         log: A log with the calls; None where there are none.
@@ -40,7 +40,7 @@ class Script:
 
 
 def script_of(run: Run) -> Script:
-    """The script that a golden log is."""
+    """Return the script of a golden log."""
     return Script(run.path if run.calls else None, run.calls, run.duration, tuple(sorted(run.streams)),
                   run.start_ns)
 
@@ -65,7 +65,7 @@ class Stage:
         return self._programs.add(Program(name, arguments, self._folder, self._environment, **further))
 
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
-        """Everything with simulated controllers, in order."""
+        """Run a replay with simulated controllers, each step in order."""
         self._start_master()
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
@@ -80,7 +80,7 @@ class Stage:
         self._end_recording(recorder)
 
     def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
-        """Everything with a recorded controller, in order; what its player says at the end."""
+        """Run a replay with a recorded controller, each step in order; return what its player reports at the end."""
         self._start_master()
         began, ended = threading.Event(), threading.Event()
         told: Dict[str, Any] = {}

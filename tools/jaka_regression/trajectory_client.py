@@ -28,7 +28,7 @@ _SUFFIX = "/follow_joint_trajectory"
 _POLL_S = 0.1
 _BRAKE_S = 5.0
 _SILENCE_S = 10.0
-"""s; an action server tells its state five times a second."""
+"""Silence, s, after which the action server counts as gone; it publishes its state five times a second."""
 _SEPARATOR = "=" * 80 + "\nMSG: %s\n"
 _HEAD = "Header header\nactionlib_msgs/%s\n"
 _DEFINITIONS = {
@@ -57,7 +57,7 @@ _INSTALLED = ("std_msgs/Header", "actionlib_msgs/GoalID", "actionlib_msgs/GoalSt
 
 
 class End(NamedTuple):
-    """How a goal ended.
+    """The end of a goal.
 
     Attributes:
         succeeded: The arm rests at the last point.
@@ -71,7 +71,7 @@ class End(NamedTuple):
 
 
 def action_type() -> Any:
-    """The class of control_msgs/FollowJointTrajectoryAction: the installed one, else ``made_action_type``.
+    """Return the class of control_msgs/FollowJointTrajectoryAction: the installed one, else ``made_action_type``.
 
     Raises:
         BagError: A type that it holds is not installed.
@@ -80,7 +80,7 @@ def action_type() -> Any:
 
 
 def made_action_type() -> Any:
-    """The class made from the definitions of this file; raises BagError where a type that it holds is missing."""
+    """Make the class of FollowJointTrajectoryAction from its definitions here; raise BagError if one is missing."""
     definitions = dict(_DEFINITIONS)
     for name in _INSTALLED:
         known = roslib_message.get_message_class(name)
@@ -107,7 +107,7 @@ def action_of(master: RemoteNode, node: str) -> str:
 
 
 class TrajectoryClient:
-    """Sends trajectories of joints; the process must be a ROS node."""
+    """A client that sends joint trajectories; the process must be a ROS node."""
 
     def __init__(self, action: str, timeout_s: float) -> None:
         """Connect to an action by its name.

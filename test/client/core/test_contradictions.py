@@ -20,7 +20,7 @@ MODEL = load_model("zu7")
 REST = (0.0,) * 6
 FAR = (1.0,) + HOME[1:]
 NOTICED_S = 0.4
-"""s; the heartbeat asks for servo mode every 0.25 s, everything else is seen in the next frame."""
+"""Time until anything is noticed, s: the heartbeat asks for servo mode every 0.25 s, the next frame shows the rest."""
 PAUSABLE = (MotionOwner.MOVE, MotionOwner.PATH, MotionOwner.TRAJECTORY)
 REQUESTS = {MotionOwner.MOVE: "joint_move", MotionOwner.PATH: "moveL", MotionOwner.JOG: "jog",
             MotionOwner.PROGRAM: "play_program", **dict.fromkeys(STREAMS, "servo_move")}

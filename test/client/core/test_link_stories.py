@@ -193,7 +193,7 @@ def test_replies_without_end_that_are_asked_for_are_no_flood():
 
 
 class Rival:
-    """Another client, which takes the command port ``after`` s on each connection of the driver."""
+    """A second client, which takes the command port ``after`` s on each connection of the driver."""
 
     def __init__(self, story, after=0.4):
         self.story, self.after = story, after
@@ -238,7 +238,7 @@ def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
 
 
 def test_a_controller_that_still_holds_a_connection_which_the_driver_has_dropped_is_no_other_client():
-    """A controller that serves its first client only ends each new one until it knows that the first has left."""
+    # it serves its first client only, and ends each new one until it knows that the first has left
     story = Story()
     rival = Rival(story, 0.0)
     rival.opened_at = None

@@ -14,7 +14,7 @@ from jaka_ros_driver.protocol.status import encode_frame
 STEP = 0.001
 LONGEST_AGE = 0.8
 ALIKE = 0.01
-"""rad; an arm that turns back, or creeps, is for a while where it was: a frame of then shows the same as one of now."""
+"""Distance, rad, up to which frames look alike: an arm that turns back, or creeps, is for a while where it was."""
 SWAYING = 0.3
 MOVE = c.JointMove((3.0,) + HOME[1:], 0.3, 1.0)
 

@@ -349,7 +349,7 @@ def test_where_more_could_still_begin_the_end_is_made_sure_by_a_stop_after_1_s()
 @pytest.mark.parametrize("segments, inpos", [([line(0.5, 0.1)], True), ([line(0.5, 0.1), line(0.5, 0.2)], False)],
                          ids=["inpos has not followed it", "more could still begin"])
 def test_beside_its_end_an_arm_has_arrived_at_once_only_where_inpos_tells_so_of_a_single_segment(segments, inpos):
-    """inpos: what the feed shows while the arm moves."""
+    # inpos: what the feed shows while the arm moves
     story = OnPath().begin("path", *segments).run(0.1)
     for x, y in CORNERS[:len(segments) - 1]:
         story.glide(x, y, inpos=inpos)

@@ -189,7 +189,7 @@ def test_another_call_ends_a_recovery_and_a_second_recovery_is_refused(other):
 
 
 def recovering_while_it_moves(move):
-    """A story in which a recovery is asked for while joint 1 goes to ``move``, rad."""
+    """Return a story in which a recovery is requested while joint 1 goes to ``move``, rad."""
     story = Story()
     story.fields["protective_stop"] = 1
     story.run(0.2, move=move)

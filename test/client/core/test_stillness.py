@@ -11,7 +11,7 @@ PERIOD = 0.008
 
 
 def seen(stillness, begin, end, joints=(0.0,) * 6):
-    """Feed frames of these joints from begin to end, s, one every 8 ms."""
+    """Pass frames of these joints from begin to end, s, one every 8 ms; return the judge of stillness."""
     for n in range(int(round((end - begin) / PERIOD)) + 1):
         stillness.observe(RobotState(tuple(joints), True, True, True, False, False, received_at=begin + n * PERIOD))
     return stillness
@@ -80,7 +80,7 @@ def test_what_was_seen_before_the_sight_was_lost_does_not_count():
 
 
 NOISE = 2e-5
-"""rad; more than the readings of these joints are known to differ at rest."""
+"""Noise of these joints, rad; more than their readings are known to differ at rest."""
 QUANTUM = math.radians(1e-4)
 
 

@@ -19,7 +19,7 @@ from jaka_ros_driver.simulation.controller.state import Start
 MODEL = load_model("zu7")
 JOG = c.Jog(c.JogFrame.JOINT, 0, 0.3)
 BRAKES_IN = 0.1
-"""s; an arm that goes at 0.3 rad/s or less rests so soon after the stop."""
+"""Time, s, in which an arm that goes at 0.3 rad/s or less rests after the stop."""
 WARNING = {"errcode": "0x020033", "errmsg": "joint 3 is about to hit its soft limit"}
 FLICKERS = {"inpos true": {"inpos": True}, "not enabled": {"enabled": False}, "not powered": {"powered_on": 0},
             "a warning": WARNING, "an unknown event": {"errcode": "0x123456", "errmsg": "?"}}

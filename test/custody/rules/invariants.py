@@ -177,7 +177,7 @@ class Judge:
         self.sent.resumed(now)
 
     def obstacle(self) -> None:
-        """Excuse the driver and its guard for a while: connections may be dead without either having noticed."""
+        """Pause the rules for driver and guard for a while: connections may be dead without either having noticed."""
         self._mute(self._clock.now)
         self._excused_until = self._clock.now + self._relink
         self._guard_excused_until = self._clock.now + GUARD_AGAIN
@@ -489,8 +489,7 @@ class Judge:
         """Judge that the arm moves in custody only.
 
         Excepted: a pause of the process, judged from its end; coasting after a stop that was carried out. Hand guiding,
-        and
-        motions of others than the driver, never come here.
+        and motions of others than the driver, never come here.
         """
         if not self.driver.core.is_free or self.driver.is_paused or (
                 now - self._room.stop_executed_at < REST_AFTER_STOP
@@ -554,8 +553,7 @@ class Judge:
     # ---- the end ----
 
     def must_rest(self, rule: str = "e") -> None:
-        """Judge that the arm rests at the end: no motion is wanted and no stop obstructed, or the driver is gone
-        without guard."""
+        """Judge that the arm rests at the end: no motion wanted, no stop obstructed, or driver gone without guard."""
         plant = self._room.controller.state.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
             self.verdicts.breaks(self._room.feed.blindness() if rule == "goodbye" else "", rule, self._clock.now,

@@ -11,16 +11,17 @@ from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
 
 SERVO_CYCLE = 0.008
 FRESH = 0.2
-"""s; how long a message counts, the figure in docs/velocity_jog.md."""
+"""Time for which a message counts, s, the figure in docs/velocity_jog.md."""
 ALONE = 0.5
-"""s; how long after its last message a publisher is still there, and excludes others."""
+"""Time after its last message for which a publisher is still there, and excludes others, s."""
 REST_AFTER = 0.3
-"""s; from the last message that counted to the last frame of motion: 0.2 s that a message counts, and BRAKE."""
+"""Time from the last message that counted to the last frame of motion, s: the 0.2 s that it counts, and BRAKE."""
 BRAKE = 0.1
-"""s; from a second publisher, or a message that cannot be understood, to rest: a joint brakes from the fastest jog of 1
-rad/s within 0.08 s, and the driver's timer takes 0.02 s."""
+"""Time from a second publisher, or a message that cannot be understood, to rest, s.
+
+A joint brakes from the fastest jog of 1 rad/s within 0.08 s, and the driver's timer takes 0.02 s."""
 MOVED = 1e-7
-"""rad; a smaller difference of two frames is rounding, from rad to degrees and back."""
+"""Difference of two frames, rad, up to which it is rounding, from rad to degrees and back."""
 ACCELERATION_SLACK = 1.02
 """Factor over the ceiling, the same as the driver's own (build.ACCELERATION_SLACK)."""
 

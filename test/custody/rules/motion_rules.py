@@ -11,16 +11,16 @@ from verdict import Verdicts
 from jaka_ros_driver.state import ProgramState, RobotState, Vector
 
 START_WINDOW = 1.0
-"""s; an accepted motion begins within this time, or is stopped."""
+"""Time within which an accepted motion begins, or is stopped, s."""
 START_SLACK = 0.35
-"""s, over the window: three frames of the slowest feed (0.1 s), which show that the arm still rests, and the judge's
-own look (0.04 s)."""
+"""Slack over the window, s: three frames of the slowest feed (0.1 s), which show that the arm still rests, and the
+judge's own look (0.04 s)."""
 REACTION = 0.05
 _MUST_BEGIN = ("joint_move", "moveL", "movc", "jog")
 """Requests after whose acceptance the arm itself moves; servo mode waits for targets, a program may wait for I/O."""
 _BEGUN = 1e-5
 _BELIEVED_S = 0.14
-"""s; frames that come after a longer pause may count as old news (feed.SILENCE_S, 0.15 s)."""
+"""Pause, s, after which frames may count as old news (feed.SILENCE_S, 0.15 s)."""
 _STANDS_FOR = 3
 """Frames; what one frame alone shows may be damage, unless it is a stop or a fault."""
 

@@ -12,7 +12,7 @@ PLANNED = {"joint_move": c.JointMove, "moveL": c.LinearMove, "movc": c.ArcMove}
 _SAME = 1e-6
 _CYCLE = 0.008
 _NEAR_TOOL, _NEAR_JOINT = 0.0021, 0.0101
-"""m and rad; a corner that is passed, as the driver sees it: its own tolerances (0.002 m, 0.01 rad) and rounding."""
+"""Distance to a corner that is passed, m and rad: the driver's own tolerances (0.002 m, 0.01 rad) and rounding."""
 _LEVER = 0.1
 
 

@@ -25,14 +25,15 @@ SERVO_SPEED_CEILING = math.pi
 SPEED_SLACK = 1.001
 """Factor over a joint's largest step in one cycle, for rounding: from rad to degrees and back."""
 FIRST_FRAME_NEAR = 0.05
-"""rad; how near the first frame of a stream is to the true arm: 0.04 rad, by which the driver lets an arm differ from
-its stream (streaming.MAX_JOINT_DEVIATION), and 0.01 rad for what the arm goes on to do behind the frame that it is
-based on."""
+"""Distance of a stream's first frame from the true arm, rad, at most.
+
+It is 0.04 rad, by which the driver lets an arm differ from its stream (streaming.MAX_JOINT_DEVIATION), and 0.01 rad for
+what the arm goes on to do behind the frame that it is based on."""
 SERVO_LATENESS = 0.05
-"""s, over ``servo_ahead``, until a stream rests on its last target: two turns of the driver's timer (0.02 s each) and
-one cycle (0.008 s)."""
+"""Time over ``servo_ahead`` until a stream rests on its last target, s: two turns of the driver's timer (0.02 s each)
+and one cycle (0.008 s)."""
 BURST_WINDOW = 0.04
-"""s; in this time a stream has 5 cycles, a late frame at its begin, and one at each end."""
+"""Time, s, in which a stream has 5 cycles, a late frame at its begin, and one at each end."""
 BURST_FRAMES = 8
 _STEPS_OF_RECOVERY = ("clear_error", "power_on", "enable_robot")
 _SAME = 1e-6
@@ -242,8 +243,7 @@ class SentRules:
         self._kind, self._is_target_known = "", True
 
     def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> None:
-        """Judge that an unanswered call asks for this motion, after the last stop, and has not got it yet: nothing is
-        sent twice."""
+        """Judge that an unanswered call asks for this motion, after the last stop, and that nothing is sent twice."""
         for call in self.open_calls.values():
             if not call.was_sent and asks(call):
                 if (call if call.asked is None else call.asked).number < self.last_stop:

@@ -14,11 +14,11 @@ ACCELERATION_SLACK = 1.1
 """Factor over the ceiling: 2 % that the driver's audit allows (build.ACCELERATION_SLACK), and more between its
 samples."""
 ON_PATH = 2e-3
-"""rad; a joint at pi rad/s goes 1.6e-3 rad in ``_LOOK``, the time between two samples of the path; with rounding,
-2e-3."""
+"""Distance of a frame from the path, rad, at most: a joint at pi rad/s goes 1.6e-3 rad in ``_LOOK``, the time between
+two samples of the path; with rounding, 2e-3."""
 _LOOK = 5e-4
 _AROUND = np.arange(-0.02, 0.1, _LOOK)
-"""s, around the last place: where a path rests, its place in time is not known."""
+"""Times around the last place, s: where a path rests, its place in time is not known."""
 
 
 class TrajectoryRules:
@@ -55,8 +55,7 @@ class TrajectoryRules:
                     acceleration, index + 1))
 
     def _is_on_path(self, joints: Tuple[float, ...], now: float) -> None:
-        """Judge that a frame is on the newest path, or still on the one before it, a little further than the last
-        frame."""
+        """Judge that a frame is on the newest path, or still on the one before it, a little beyond the last frame."""
         best = math.inf
         for number in reversed(range(len(self._paths))):
             path, since = self._paths[number]

@@ -1,4 +1,4 @@
-"""jaka_bag compare: exit codes, outputs, options."""
+"""The command jaka_bag compare: exit codes, outputs, options."""
 import json
 
 import pytest

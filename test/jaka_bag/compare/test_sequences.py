@@ -1,4 +1,4 @@
-"""Pairs of like entries: the fewest left alone, and of several the nearest in time."""
+"""The pairing of like entries: the fewest left alone, and of several the nearest in time."""
 import pytest
 
 from jaka_bag.compare.matching import sequences

@@ -88,8 +88,7 @@ def test_a_killed_bag_recording_is_recovered_to_its_last_chunk(graph):
 
 @contextlib.contextmanager
 def small_disk(folder, size):
-    """Mount a file system that can be filled in ``folder``: a tmpfs where that is permitted; yield False where it is
-    not."""
+    """Provide a file system that can be filled in ``folder``, a tmpfs; yield False where that is not permitted."""
     folder.mkdir()
     mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=%d" % size, "jaka-test", str(folder)],
                            stderr=subprocess.PIPE)

@@ -1,4 +1,4 @@
-"""jaka_bag play on a real master: subscribers get what is in the log, at its times or at any rate."""
+"""The command jaka_bag play on a real master: subscribers get what is in the log, at its times or at any rate."""
 import fcntl
 import json
 import os

@@ -1,4 +1,4 @@
-"""jaka_bag record on a real master: the file has what is published, by any publisher."""
+"""The command jaka_bag record on a real master: the file has what is published, by any publisher."""
 import json
 import os
 import re

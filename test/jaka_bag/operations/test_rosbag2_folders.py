@@ -1,4 +1,4 @@
-"""rosbag2 folders, with MCAP and sqlite3 storage, that become logs of ROS 1 messages again."""
+"""Conversion of rosbag2 folders, with MCAP and sqlite3 storage, to logs of ROS 1 messages."""
 import json
 import struct
 

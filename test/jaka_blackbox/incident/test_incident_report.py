@@ -18,7 +18,7 @@ from jaka_blackbox.incident.seconds import events_of, seconds_of
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 STOP_S = 6.3
-"""s after the log's start, the moment of the emergency stop; the arm moves from 4 s on."""
+"""Time from the log's start to the emergency stop, s; the arm moves from 4 s on."""
 
 
 def accident(error="out of reach", caller="/cell"):

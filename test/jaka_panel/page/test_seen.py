@@ -9,7 +9,7 @@ from import_graph import ROOT
 AXE = ROOT / "build" / "js" / "node_modules" / "axe-core" / "axe.min.js"
 HOSTILE = "<script>window.pwned = 1</script><img src=x onerror='window.pwned = 2'>&lt;b&gt;"
 LOADED_WITHIN_S = 6.0
-"""s on a busy host; `tools/dev bench panel_page` measures the time on a quiet one."""
+"""Time limit on a busy host, s; `tools/dev bench panel_page` measures the time on a quiet one."""
 
 
 def test_it_is_there_soon_and_its_token_is_not_in_the_address(browser, panel, open_page):

@@ -1,4 +1,4 @@
-"""jaka_bag replay-motion without a driver: dry runs, limits from the log or a file, other arms."""
+"""The command jaka_bag replay-motion without a driver: dry runs, limits from the log or a file, other arms."""
 import json
 import os
 

@@ -1,4 +1,4 @@
-"""docs/architecture.md: the way of a move is the one that a real joint_move takes, the table of own code is backed."""
+"""The page docs/architecture.md: a real joint_move goes the way that it shows, and its table of own code is backed."""
 import re
 import sys
 import threading

@@ -1,4 +1,4 @@
-"""docs/foxglove.md: its commands as they stand there, and its layout against what the driver really publishes."""
+"""The page docs/foxglove.md: its commands as they stand there; its layout against what the driver really publishes."""
 import json
 import re
 

@@ -1,4 +1,4 @@
-"""docs/migration.md: each command of it, in its order; a simulated controller stands for the arm.
+"""The page docs/migration.md: each of its commands, in its order; a simulated controller stands for the arm.
 
 The folder holds what the page speaks of: the checkout, a workspace with packages named as the maker's, a launch file.
 """

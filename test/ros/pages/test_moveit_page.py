@@ -1,4 +1,4 @@
-"""docs/moveit.md: its files name what the driver has; they are not run, because MoveIt is nowhere to be had."""
+"""The page docs/moveit.md: its files name what the driver has; they are not run, as MoveIt is nowhere to be had."""
 from xml.etree import ElementTree
 
 import import_graph

@@ -1,4 +1,4 @@
-"""docs/regression_testing.md: each command of it, in its order, in a folder of its own, as it stands there."""
+"""The page docs/regression_testing.md: each of its commands as it stands there, in order, in a folder of its own."""
 import os
 
 import pytest

@@ -1,4 +1,4 @@
-"""docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
+"""The page docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
 import contextlib
 import math
 import re

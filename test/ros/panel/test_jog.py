@@ -10,7 +10,7 @@ from panel_page import Loop
 from waiting import eventually
 
 LONGEST_S = 1.0
-"""s; 0.3 s on a quiet host (test/benchmark/bench_panel.py), and what a busy one may take away."""
+"""Time limit, s: 0.3 s on a quiet host (test/benchmark/bench_panel.py), and what a busy one may take away."""
 ALONG_A_LINE = ("silence", "reset", "second page")
 BY_A_BROWSER = ("release", "tab closed", "SIGSTOP", "SIGKILL")
 """The ways that a real browser's page takes in test/ros/panel_page; test/benchmark/bench_panel.py takes them all."""

@@ -14,7 +14,7 @@ from ros_graph import Graph
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headless-shell")
 LONGEST_S = 1.0
-"""s; 0.3 s on a quiet host (test/benchmark/bench_panel_deadman.py), and what a busy one may take away."""
+"""Time limit, s: 0.3 s on a quiet host (test/benchmark/bench_panel_deadman.py), and what a busy one may take away."""
 LEFT_TO_THE_BENCHMARK = ("tab frozen", "page crashed", "loaded again", "browser killed")
 """Ways that only the benchmark takes. A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in
 "JavaScript blocked". The others need another page or browser each; for the server they are closed connections, as "tab

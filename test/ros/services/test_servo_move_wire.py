@@ -1,4 +1,4 @@
-"""Both definitions of ServoMove.srv on the wire: clients built with either one, and with none (md5 *)."""
+"""The two definitions of ServoMove.srv on the wire: clients built with either one, and with none (md5 *)."""
 import contextlib
 import io
 import socket
@@ -46,7 +46,7 @@ def floats(*values):
 
 
 def raw_call(service, md5sum, body, persistent=False, count=1):
-    """Greet and call as the wire's description defines it; return (answer's header, responses)."""
+    """Call a service as the wire's description defines it; return (answer's header, responses)."""
     host, port = rospy.core.parse_rosrpc_uri(rosgraph.Master("/raw").lookupService(service))
     header = {"service": service, "md5sum": md5sum, "callerid": "/raw_client", "type": "jaka_msgs/ServoMove"}
     with contextlib.closing(socket.create_connection((host, port), 20)) as link:

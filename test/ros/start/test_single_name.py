@@ -120,7 +120,7 @@ def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, 
 
 
 def test_a_stopped_node_holds_a_start_up_for_a_few_seconds_at_most(monkeypatch):
-    """What each question would wait for is added up; nothing is waited for."""
+    # what each question would wait for is added up; nothing is waited for
     waits = []
 
     def time_out(connection):

@@ -20,7 +20,7 @@ from jaka_ros_driver.ros.services.table import SERVICES
 from jaka_ros_driver.ros.start_checks import refuse_words_that_are_not_taken, wait_for_time
 
 ENDS_WITHIN_S = 12.0
-"""s; a driver that waits for the master ends never; the bound is the driver's own, 5 s, on a busy host."""
+"""Time limit, s: the driver's own, 5 s, on a busy host; a driver that waits for the master never ends."""
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_a_remapping_that_makes_two_topics_one_is_refused(ros_node):
     ("~ip:=10.5.5.100", "the parameter is set by _ip:=10.5.5.100"), ("_ip:=10.5.5.100:=1", "has := more than once"),
     ("_ip:=[10.5", "is no YAML"), ("__ns:=", "__ns:= has no value"), ("joint_states:=", "joint_states:= has no value")])
 def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node, word, problem):
-    """The default is the address on which a simulated controller, or a tunnel to a real one, may listen."""
+    # the default is the address on which a simulated controller, or a tunnel to a real one, may listen
     with contextlib.closing(SimulatorProcess()) as simulator:
         given = on(simulator)
         del given["ip"]

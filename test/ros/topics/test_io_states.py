@@ -41,7 +41,7 @@ class Bench:
         io_states.IoPublisher(arm, stamps).start()
 
     def feed(self, io, count=1, is_new=True):
-        """Feed so many frames, each with the next of ``io``; return how many messages came of them."""
+        """Pass so many frames, each with the next of ``io``; return how many messages came of them."""
         before = len(self.messages)
         for _, one in zip(range(count), itertools.cycle(io if isinstance(io, list) else [io])):
             self.now += PERIOD_S

@@ -22,7 +22,7 @@ from rosgraph_msgs.msg import Log
 from waiting import eventually
 
 LONGEST_S = 1.0
-"""s; 0.3 s on a quiet host (test/benchmark/bench_deadman.py), and what a busy one may take away."""
+"""Time limit, s: 0.3 s on a quiet host (test/benchmark/bench_deadman.py), and what a busy one may take away."""
 NONSENSE = (
     (lambda speed: twist_message(speed, frame_id="camera"), "frame_id is 'camera'; valid: base, base_link, tool"),
     (lambda speed: twist_message(speed, stamp=rospy.Time()), "header.stamp is 0"),

@@ -11,7 +11,7 @@ from jaka_ros_driver.ros.topics import state_publishers
 from jaka_ros_driver.state import RobotState
 
 FEED_PERIOD = 0.1
-"""s; a slow feed: its samples are repeated."""
+"""Period of a slow feed, s: its samples are repeated."""
 STATE = RobotState((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), True, True, True, False, False, tcp_position=(0.4, 0.1, 0.3),
                    tcp_rpy=(0.0, 0.0, 0.5), user_frame_id=3)
 REPEATED = ("~tool_position", "~joint_position", "~robot_states")

@@ -1,4 +1,4 @@
-"""jaka_bag replay-motion on the running node: a hand's motion is done again; start pose, cancel, refusals.
+"""The command jaka_bag replay-motion on the running node: a hand's motion is repeated; start pose, cancel, refusals.
 
 The arm is led, recorded and replayed by the commands of docs/state_logs.md, as they stand there.
 """

@@ -23,7 +23,7 @@ from jaka_bag.messages.connection import Connection
 
 PERIOD_S = 0.02
 SPEED = 0.4
-"""rad/s of the first joint, or about the base's z axis."""
+"""Speed of the first joint, rad/s, or about the base's z axis."""
 WAIT = 60.0
 
 
@@ -44,7 +44,7 @@ MESSAGES = {"jog_joints": (JointState, joint_message), "jog_twist": (TwistStampe
 
 
 def raw(message):
-    """Serialize a message as TCPROS sends it."""
+    """Encode a message as TCPROS sends it."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     return frame_of(buffer.getvalue())

@@ -15,7 +15,7 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 LOOSE = 2.0
-"""s: a bound on what a quiet computer does within some tenths. The exact figures are judged under virtual time."""
+"""Loose bound on what a quiet computer does within some tenths, s. The exact figures are judged under virtual time."""
 
 
 def fill(pipe):

@@ -24,7 +24,7 @@ TYPES = {spec.name: spec.srv_type for spec in SERVICES}
 PROGRAM = command_of("jaka_driver")
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 SPEED = 0.2
-"""rad/s of the first joint in every motion."""
+"""Speed of the first joint in every motion, rad/s."""
 
 
 class SimulatorProcess:

@@ -6,7 +6,7 @@ import time
 from typing import Any, Callable, List, Union
 
 WAIT = 60.0
-"""s; the longest wait for something that must come, on a busy host; never a measure of speed."""
+"""Longest wait for something that must come, on a busy host, s; never a measure of speed."""
 _LOOK_S = 0.005
 
 

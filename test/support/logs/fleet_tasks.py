@@ -21,7 +21,7 @@ def describe(task: LogTask) -> LogResult:
 
 
 def die_once(task: LogTask) -> LogResult:
-    """Die if no marker is found, after making it; else leave a file in the folder."""
+    """Kill this process if no marker is found, after making it; else leave a file in the folder."""
     folder = Path(task.settings)
     try:
         os.close(os.open(str(folder / "died"), os.O_CREAT | os.O_EXCL))

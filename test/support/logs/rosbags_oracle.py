@@ -1,4 +1,4 @@
-"""rosbags as the judge of the package's output, over the differences of its generations."""
+"""The judge of the package's output: rosbags, over the differences of its generations."""
 from pathlib import Path
 from typing import Any, Dict, List, Tuple
 

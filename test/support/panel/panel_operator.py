@@ -17,10 +17,10 @@ from waiting import eventually
 WAIT = 60.0
 BUTTON = ".jog-button[data-axis='%d'][data-sign='%d']"
 SETTLED_S = 0.25
-"""s; the time for which the arm moves before the release."""
+"""Time for which the arm moves before the release, s."""
 TAKEN_OVER = "second page takes over"
 HELD_ON_S = 0.25
-"""s; the time for which the button stays pressed once the arm rests: messages held back have come by then."""
+"""Time for which the button stays pressed once the arm rests, s: messages held back have come by then."""
 
 
 class Operator:
@@ -164,7 +164,7 @@ def be_frozen(operator, held):
 
 
 def be_hidden(operator, held):
-    """Minimize the window."""
+    """Set the window to minimized until the arm rests."""
     page = operator.page
     page.call("Emulation.setFocusEmulationEnabled", enabled=False)
     window = operator.browser.call("Browser.getWindowForTarget", targetId=page.target)["windowId"]

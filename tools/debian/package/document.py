@@ -29,7 +29,7 @@ PARSED = {"jaka_driver": "jaka_ros_driver.ros.node", "jaka_panel": "jaka_panel.p
 
 
 class Parsed(BaseException):
-    """Carries a parser out of the program that wanted to use it."""
+    """A signal that carries a parser out of the program that was about to use it."""
 
 
 def parser_of(module: str) -> argparse.ArgumentParser:

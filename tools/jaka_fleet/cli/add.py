@@ -28,7 +28,7 @@ examples:
 
 
 def pattern(text: str) -> str:
-    """A regular expression."""
+    """Check that a text is a regular expression; return it."""
     try:
         re.compile(text)
     except re.error as error:
@@ -37,7 +37,7 @@ def pattern(text: str) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag dataset add``."""
+    """Add the options of ``jaka_bag dataset add``."""
     parser.add_argument("sources", metavar="SRC", nargs="+", help="logs, .bag or .mcap, and folders of such")
     parser.add_argument("--to", metavar="DATASET", required=True,
                         help="the data set: a folder, which is made where it is missing, or a URL as s3://")

@@ -16,13 +16,13 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag dataset compact``."""
+    """Add the options of ``jaka_bag dataset compact``."""
     parser.add_argument("dataset", metavar="DATASET", help="a folder or URL that dataset add made")
     add_report(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compact; the exit code."""
+    """Merge the rows of a data set into one file; return the exit code."""
     report = Report(args)
     store = open_store(args.dataset)
     check_version(store)

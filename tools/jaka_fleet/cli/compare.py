@@ -49,7 +49,7 @@ examples:
 """
 
 FOLDER = "compare"
-"""Of a data set: where results are."""
+"""Folder of a data set where results are."""
 PAGE, REPORTS = "report.html", "reports"
 
 
@@ -70,7 +70,7 @@ class Candidate(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag compare``."""
+    """Add the options of ``jaka_bag compare``."""
     compare.add_arguments(parser)
     group = parser.add_argument_group("many runs")
     group.add_argument("--against", metavar="PATH",
@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def results_folder(args: argparse.Namespace, golden_hash: str) -> Path:
-    """Where the results are."""
+    """Return the folder of the results."""
     if args.results:
         return Path(args.results)
     if "://" in args.against:
@@ -97,7 +97,7 @@ def results_folder(args: argparse.Namespace, golden_hash: str) -> Path:
 
 
 def candidates_of(args: argparse.Namespace) -> List[Candidate]:
-    """The logs to compare, in the order of their names.
+    """Return the logs to compare, in the order of their names.
 
     Raises:
         BagError: There are none.
@@ -124,7 +124,7 @@ def _of_dataset(location: str) -> List[Candidate]:
 
 
 def _known(outcome: RunOutcome) -> bool:
-    """Whether the log of an outcome is still the one that was compared."""
+    """Return whether the log of an outcome is still the one that was compared."""
     try:
         state = os.stat(outcome.path)
     except OSError:
@@ -160,7 +160,7 @@ def _compare_all(args: argparse.Namespace, setup: Setup, results: Results, repor
 
 
 def _one_each(outcomes: Sequence[RunOutcome], report: Report) -> List[RunOutcome]:
-    """Of logs with the same content the one whose name comes first."""
+    """Drop copies: of logs with the same content keep the one whose name comes first."""
     kept: Dict[str, RunOutcome] = {}
     for outcome in sorted(outcomes, key=lambda one: one.path):
         if outcome.key in kept:
@@ -176,7 +176,7 @@ def _report_name(outcome: RunOutcome) -> str:
 
 def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, history: History,
                        report: Report) -> None:
-    """The worst runs' own reports; one that is there already is kept."""
+    """Write the reports of the worst runs; keep those that are there already."""
     settings = CompareSettings(os.path.abspath(setup.golden), setup.golden_hash, setup.tolerances,
                                time_scale=setup.time_scale, with_page=True)
     worst = {run.path: run for run in worst_first(history.runs)[:WORST]}
@@ -196,7 +196,7 @@ def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, his
 
 
 def _links(history: History, reports: Path, page: Path) -> Dict[str, str]:
-    """Where the page finds the reports of runs that are there."""
+    """Return links from the page to the reports of runs that are there, by the run's key."""
     found = {run.key: reports / _report_name(run) for run in history.runs if run.verdict == DIFFERENT}
     return {key: os.path.relpath(str(path), str(page.parent)) for key, path in found.items() if path.exists()}
 
@@ -248,7 +248,7 @@ def _swept(name: str, setup: Setup, outcomes: Sequence[RunOutcome]) -> Tuple[Tol
 
 
 def run_sweep(args: argparse.Namespace) -> int:
-    """Judge stored results again; 0 all same under each file, 1 some not, 2 there are none, or logs are needed."""
+    """Evaluate stored results again; return 0 if all are same under each file, 1 if not, 2 without results or logs."""
     folder = results_folder(args, file_hash(args.golden))
     setup, outcomes = stored(folder)
     rows, code = [], 0

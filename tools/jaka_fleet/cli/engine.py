@@ -10,7 +10,7 @@ from jaka_bag.errors import UsageError
 
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--jobs`` and ``--dask``."""
+    """Add ``--jobs`` and ``--dask``."""
     group = parser.add_argument_group("where the work is done (default: a Dask cluster of this computer)")
     group.add_argument("--jobs", type=count, metavar="N",
                        help="logs at a time on this computer (default: its processors); 1 needs no Dask")
@@ -18,7 +18,7 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
 
 
 def engine_of(args: argparse.Namespace, task_count: int) -> Engine:
-    """The engine that the options choose for so many tasks.
+    """Return the engine that the options choose for so many tasks.
 
     Raises:
         UsageError: They choose two.

@@ -28,7 +28,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag dataset query``."""
+    """Add the options of ``jaka_bag dataset query``."""
     parser.add_argument("dataset", metavar="DATASET", help="a folder or URL that dataset add made")
     parser.add_argument("question", metavar="SQL", nargs="?",
                         help="as DuckDB understands it; without it: the tables that there are")
@@ -47,7 +47,7 @@ def _text(value: Any) -> str:
 
 
 def _texts(pa: Any, column: Any) -> List[str]:
-    """The cells of a column; times as ISO 8601, which needs no time zones' data base."""
+    """Return the cells of a column as text; times as ISO 8601, which needs no time zones' data base."""
     if pa.types.is_timestamp(column.type):
         column = column.cast(pa.timestamp(column.type.unit)).cast(pa.string())
     elif pa.types.is_duration(column.type) or pa.types.is_interval(column.type):

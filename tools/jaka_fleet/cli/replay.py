@@ -41,7 +41,7 @@ Exit code: 0 all happened again, 1 some did not, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag replay``."""
+    """Add the options of ``jaka_bag replay``."""
     add = parser.add_argument
     add("goldens", nargs="+", metavar="GOLDEN", help="golden logs, or folders with such")
     add("--against-driver", metavar="PATH|VERSION", help="the driver to judge (default: this package's)")
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def goldens_of(words: List[str]) -> Dict[str, Path]:
-    """The golden logs by the name of their folders: their own names, with their folders' where two are the same.
+    """Return the golden logs by folder name: the log's own name, with its folder's where two are the same.
 
     Raises:
         BagError: There is none, or one that is named is not there.

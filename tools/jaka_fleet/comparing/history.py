@@ -51,7 +51,7 @@ class Series(NamedTuple):
 
     @property
     def is_joint(self) -> bool:
-        """Whether it is an amount that a limit is for."""
+        """True for an amount that a limit is for."""
         return self.name != CYCLE
 
     @property
@@ -77,7 +77,7 @@ class Series(NamedTuple):
 
     @property
     def runs_left(self) -> Optional[Tuple[float, float]]:
-        """In how many runs the limit is reached if it goes on so: from the fast and from the slow end of the slope."""
+        """The number of runs until the limit is reached if the slope lasts: from its fast and from its slow end."""
         rise = self.rise
         if rise is None or self.change is None or not self.is_joint or not rise.low > 0:
             return None
@@ -117,16 +117,16 @@ class History(NamedTuple):
     drifts: List[Series]
 
     def count(self, verdict: str) -> int:
-        """Runs of a verdict."""
+        """Count the runs of a verdict."""
         return sum(run.verdict == verdict for run in self.runs)
 
     def runs_of(self, cell: str) -> List[RunOutcome]:
-        """The runs of a cell."""
+        """Return the runs of a cell."""
         return next(one.runs for one in self.cells if one.name == cell)
 
     @property
     def headline(self) -> str:
-        """How many runs are what."""
+        """The number of runs of each verdict, as a headline."""
         counts = [(verdict, self.count(verdict)) for verdict in (SAME, DIFFERENT, UNKNOWN, NOT_COMPARED)]
         return "%d runs: %s" % (len(self.runs), ", ".join(
             "%d %s" % (number, verdict) for verdict, number in counts if number or verdict in (SAME, DIFFERENT)))
@@ -177,7 +177,7 @@ def _cell(name: str, runs: List[RunOutcome], tolerances: Tolerances) -> Cell:
 
 
 def history_of(outcomes: Sequence[RunOutcome], tolerances: Tolerances) -> History:
-    """The runs as histories of their cells; ``tolerances`` are those that they were judged by."""
+    """Sort the runs into histories of their cells; ``tolerances`` are those that they were judged by."""
     runs = sorted(outcomes, key=lambda outcome: outcome.place)
     # a log that tells no time, because it cannot be read, has no place among the others
     cells = [_cell(name, [run for run in runs if run.cell == name and run.start_ns], tolerances)

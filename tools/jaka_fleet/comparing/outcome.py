@@ -1,4 +1,4 @@
-"""What is kept of one run's comparison with the golden log: plain values that pickle, and that a table holds."""
+"""The record of one run's comparison with the golden log: plain values that pickle, and that a table holds."""
 import math
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -44,7 +44,7 @@ class CheckOutcome(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As reports name it."""
+        """The check's name in reports."""
         return as_check(self).name
 
     @property
@@ -96,12 +96,12 @@ class RunOutcome(NamedTuple):
 
     @property
     def key(self) -> str:
-        """What a run is known by: its content, else its path."""
+        """The identity of a run: its content, else its path."""
         return self.run or self.path
 
     @property
     def place(self) -> Tuple[int, str, str]:
-        """Sorts runs by time."""
+        """The sort key of runs by time."""
         return self.start_ns, self.run, self.path
 
 
@@ -114,14 +114,14 @@ def _kept(check: Check) -> CheckOutcome:
 
 
 def as_check(kept: CheckOutcome) -> Check:
-    """The check again; of one whose outcome is the same without its words."""
+    """Restore a check from its record; one whose outcome is the same comes without its words."""
     outcome = Outcome(kept.outcome) if kept.outcome != UNKNOWN else Outcome.NOT_COMPARED
     return Check(Aspect(kept.aspect), kept.topic, kept.field, outcome, kept.detail, kept.measured, kept.limit,
                  kept.unit, kept.at, kept.golden, kept.candidate, kept.evidence)
 
 
 def judged_run(outcome: RunOutcome) -> RunOutcome:
-    """The same with verdict, reason, margin and worst check as its checks have them."""
+    """Return the outcome with verdict, reason, margin and worst check derived from its checks."""
     different = [check for check in outcome.checks if check.outcome == DIFFERENT]
     unknown = [check for check in outcome.checks if check.outcome == UNKNOWN]
     margin, worst = -1.0, ""
@@ -138,7 +138,7 @@ def judged_run(outcome: RunOutcome) -> RunOutcome:
 
 
 def _cycle(comparison: Comparison) -> Optional[float]:
-    """From the begin of the first motion of any arm to the end of the last, s of the candidate."""
+    """Return the time from the start of any arm's first motion to the end of the last, s of the candidate."""
     motions = [motion for topic, track in comparison.candidate.joints.items() if topic in comparison.golden.joints
                for motion in track.facts.motions]
     if not motions:
@@ -147,7 +147,7 @@ def _cycle(comparison: Comparison) -> Optional[float]:
 
 
 def outcome_of(comparison: Comparison, run: str, path: str, cell: str, size: int, mtime_ns: int) -> RunOutcome:
-    """What is kept of a comparison of a log with this content and place."""
+    """Return the record of a comparison of a log with this content and place."""
     candidate = comparison.candidate
     assert comparison.course is not None
     return judged_run(RunOutcome(
@@ -156,7 +156,7 @@ def outcome_of(comparison: Comparison, run: str, path: str, cell: str, size: int
 
 
 def worst_first(outcomes: List[RunOutcome]) -> List[RunOutcome]:
-    """The runs that are different, the largest margin first; of equal ones that with more different checks."""
+    """Return the runs that are different, the largest margin first; of equal ones that with more different checks."""
     different = [outcome for outcome in outcomes if outcome.verdict == DIFFERENT]
     return sorted(different, key=lambda one: (
         -(one.margin if one.margin is not None else math.inf),

@@ -19,7 +19,7 @@ from .store import Setup
 from .summary import WORST, day, drift_title, drift_words, run_words, shown, shown_slope
 
 _MOST_CELLS = 12
-"""So many cells are drawn; the tables have all."""
+"""Number of cells that are drawn; the tables have all."""
 _MOST_ROWS = 400
 _MOST_BARS = 1500
 _MOST_DRIFTS = 20
@@ -63,7 +63,7 @@ _MARK = '<span class="mark">first run that drifted</span>'
 
 
 def _run_axis(runs: Sequence[RunOutcome]) -> Tuple[float, float]:
-    """Numbers of runs, with room for the axis' name behind the last one."""
+    """Return the range of run numbers, with room for the axis' name behind the last one."""
     return 0.0, 1.045 * len(runs) + 1.0
 
 
@@ -80,7 +80,7 @@ def _cell_title(cell: str) -> str:
 
 
 def _first_drift(history: History, cell: str, joints: bool) -> Optional[float]:
-    """Number of the run, from 1, at which the strongest drift of a cell begins; of joints, or of anything."""
+    """Return the number, from 1, of the run at which a cell's strongest drift begins; of joints, or of anything."""
     for series in history.drifts:
         if series.cell == cell and (series.is_joint or not joints) and series.first_changed is not None:
             return series.first_changed + 1.0
@@ -88,7 +88,7 @@ def _first_drift(history: History, cell: str, joints: bool) -> Optional[float]:
 
 
 def _drawn(history: History) -> List[Cell]:
-    """The cells that are drawn: those that drift, then those that come nearest to a limit."""
+    """Return the cells that are drawn: those that drift, then those that come nearest to a limit."""
     drifting = [series.cell for series in history.drifts]
 
     def order(cell: Cell) -> Tuple[int, float]:
@@ -120,7 +120,7 @@ def _margins(history: History) -> str:
 
 
 def _fit_of(series: Series) -> List[Line]:
-    """The change as it was fitted."""
+    """Return the change as it was fitted."""
     change = series.change
     if change is None:
         return []
@@ -160,7 +160,7 @@ _STYLES = {SAME: "same", DIFFERENT: "different"}
 
 
 def _run_bars(history: History) -> str:
-    """The runs of each cell on a time line, in days since the first one."""
+    """Draw the runs of each cell on a time line, in days since the first one."""
     runs = [run for run in history.runs if run.start_ns > 0]
     if not runs:
         return ""
@@ -230,7 +230,7 @@ def _worst(history: History, reports: Mapping[str, str]) -> str:
 
 
 def _checks(history: History) -> str:
-    """Which checks failed how often, and where."""
+    """Render the table of the checks that failed: how often, and where."""
     found: Dict[str, List[RunOutcome]] = {}
     for run in history.runs:
         for check in run.checks:
@@ -251,7 +251,7 @@ def _left(history: History) -> str:
 
 
 def as_page(history: History, setup: Setup, against: str, reports: Mapping[str, str]) -> str:
-    """The page, to be written as UTF-8.
+    """Return the page, to be written as UTF-8.
 
     Args:
         history: All runs.

@@ -24,7 +24,7 @@ _SHARE = "% of the samples outside"
 
 
 def needs_logs(before: Tolerances, after: Tolerances) -> List[str]:
-    """The tolerances, as ``streams.gap_s``, that differ and decide what is measured."""
+    """Return the tolerances, as ``streams.gap_s``, that differ and decide what is measured."""
     names = ["%s.%s" % (section, name) for section, keys in _READ_AGAIN.items() for name in keys
              if getattr(getattr(before, section), name) != getattr(getattr(after, section), name)]
     names += [name for name in ("nan", "ignore_topics") if getattr(before, name) != getattr(after, name)]
@@ -34,7 +34,7 @@ def needs_logs(before: Tolerances, after: Tolerances) -> List[str]:
 
 
 def rejudged(run: RunOutcome, tolerances: Tolerances, time_scale: float = 1.0) -> RunOutcome:
-    """The run's outcome under other tolerances; ``needs_logs`` must be empty for them.
+    """Return the run's outcome under other tolerances; ``needs_logs`` must be empty for them.
 
     Args:
         run: As it was kept.
@@ -51,7 +51,7 @@ def rejudged(run: RunOutcome, tolerances: Tolerances, time_scale: float = 1.0) -
 
 
 def _depends(check: CheckOutcome, left: List[str]) -> bool:
-    """Whether a check goes by something that other tolerances would have made otherwise."""
+    """Return whether a check depends on measurements that other tolerances would have changed."""
     if "joints.position_rad" in left:  # the alignment
         return check.aspect != Aspect.TYPES.value
     about_calls = check.aspect in (Aspect.CALLS.value, Aspect.RESPONSES.value, Aspect.DURATIONS.value)
@@ -66,7 +66,7 @@ def _unknown(check: CheckOutcome, why: str) -> CheckOutcome:
 
 
 def _with(check: CheckOutcome, measured: float, limit: float, unit: Optional[str] = None) -> CheckOutcome:
-    """The check with another amount and limit, judged."""
+    """Return the check with another amount and limit, judged."""
     if limit > 0:
         margin = measured / limit
     else:
@@ -98,7 +98,7 @@ def _margin(check: CheckOutcome) -> float:
 
 
 def _plain_limit(check: CheckOutcome, limits: Tolerances) -> float:
-    """The limit of a check that has one amount."""
+    """Return the limit of a check that has one amount."""
     streams = limits.streams
     if check.aspect == Aspect.STAMPS.value:
         return streams.latency_ms if check.field == "latency" else streams.repeated_percent
@@ -143,7 +143,7 @@ def _samples_again(check: CheckOutcome, limit: float, outside_percent: float, un
 
 
 def _type_again(check: CheckOutcome, limits: Tolerances) -> CheckOutcome:
-    """A topic that one log lacks may be optional."""
+    """Evaluate a check of types again, as a topic that one log lacks may be optional now."""
     is_missing = "only in the candidate" in check.detail or "not in the candidate" in check.detail
     if check.outcome == SAME or not is_missing:
         return check

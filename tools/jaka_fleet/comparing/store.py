@@ -29,7 +29,7 @@ _COURSE = tuple(course_limits(Tolerances()))
 
 
 class Setup(NamedTuple):
-    """What outcomes depend on besides the runs.
+    """The conditions that outcomes depend on besides the runs.
 
     Attributes:
         golden: The golden log.
@@ -44,14 +44,14 @@ class Setup(NamedTuple):
     time_scale: float = 1.0
 
     def facts(self) -> Dict[str, str]:
-        """As text, for files; those of another version of this package are not taken over."""
+        """Return the conditions as text, for files; those of another version of this package do not match."""
         return {"compare_schema": SCHEMA_VERSION, "version": __version__, "golden": self.golden,
                 "golden_sha256": self.golden_hash, "tolerances": as_yaml(self.tolerances),
                 "time_scale": "%r" % self.time_scale}
 
 
 def _is_of(facts: Dict[str, str], setup: Setup) -> bool:
-    """Whether outcomes of a file are those that a comparison would give now; the golden log may have moved."""
+    """Return whether a file's outcomes are those that a comparison would give now; the golden log may have moved."""
     wanted = setup.facts()
     return all(facts.get(name) == value for name, value in wanted.items() if name != "golden")
 
@@ -64,7 +64,7 @@ def _arrow() -> Tuple[Any, Any]:
 
 
 def as_line(outcome: RunOutcome) -> str:
-    """An outcome as a line of JSON, Python's with Infinity."""
+    """Return an outcome as a line of JSON, Python's with Infinity."""
     return json.dumps(outcome, separators=(",", ":")) + "\n"
 
 
@@ -108,7 +108,7 @@ class Results:
             raise OutputExists("another program compares into %s" % folder) from None
 
     def known(self) -> Dict[str, RunOutcome]:
-        """Outcomes of before, by path; those of other tolerances, or of another golden log, are forgotten."""
+        """Return outcomes of earlier runs, by path; forget those of other tolerances, or of another golden log."""
         found: Dict[str, RunOutcome] = {}
         with contextlib.suppress(NothingStored):
             setup, outcomes = stored(self.folder)
@@ -222,7 +222,7 @@ class NothingStored(BagError):
 
 
 def stored(folder: Path) -> Tuple[Setup, List[RunOutcome]]:
-    """The results in a folder, in the order of time, and what they depend on.
+    """Read the results in a folder, in the order of time, and the conditions that they depend on.
 
     Raises:
         NothingStored: There are none, or none that this version understands.
@@ -269,5 +269,5 @@ def _checks_of(table: Any) -> Iterator[CheckOutcome]:
 
 
 def finite(value: Optional[float]) -> Optional[float]:
-    """JSON has no infinity: it becomes None."""
+    """Return a number for JSON, which has no infinity: that becomes None."""
     return None if value is None or not math.isfinite(value) else value

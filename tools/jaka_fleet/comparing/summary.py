@@ -17,12 +17,12 @@ _HUNDRED = 100.0
 
 
 def shown(value: float, unit: str) -> str:
-    """An amount for people: angles in mrad."""
+    """Format an amount for people: angles in mrad."""
     return "%.3g mrad" % (1000.0 * value) if unit == "rad" else "%.4g %s" % (value, unit)
 
 
 def shown_slope(slope: Slope, unit: str, limit: float) -> str:
-    """A slope and the ends of its interval, for each hundred runs; in thousandths of a limit, or little finer."""
+    """Format a slope and its interval, for each hundred runs; in thousandths of a limit, or little finer."""
     places = min(max(int(math.ceil(3.0 - math.log10(max(1000.0 * limit, 1e-9)))), 0), 12)
     value, low, high = ("%+.*f" % (places, round(_HUNDRED * 1000.0 * edge, places) + 0.0)  # never -0
                         for edge in slope)
@@ -30,25 +30,25 @@ def shown_slope(slope: Slope, unit: str, limit: float) -> str:
 
 
 def day(at_ns: int) -> str:
-    """Day and time of day, UTC."""
+    """Format day and time of day, UTC."""
     return time.strftime("%Y-%m-%d %H:%M", time.gmtime(at_ns // NS_PER_S))
 
 
 def run_words(number: int, runs: List[RunOutcome]) -> str:
-    """Which run of a cell: its number, from 1, when it was and its file."""
+    """Describe a run of a cell: its number, from 1, its time and its file."""
     run = runs[number]
     return "run %d of %d (%s, %s)" % (number + 1, len(runs), day(run.start_ns), os.path.basename(run.path))
 
 
 def drift_title(series: Series) -> str:
-    """What drifts where, in a few words."""
+    """Describe in a few words what drifts where."""
     assert series.change is not None
     verb = "drifts" if series.change.is_gradual else "has jumped"
     return "%s%s %s" % (series.cell + ": " if series.cell else "", series.name, verb)
 
 
 def drift_words(series: Series, runs: List[RunOutcome]) -> str:
-    """Since when, by how much, and when the limit is reached."""
+    """Describe since when a series drifts, by how much, and when the limit is reached."""
     change, first = series.change, series.first_changed
     assert change is not None and first is not None
     parts = ["since %s" % run_words(first, runs),
@@ -66,7 +66,7 @@ def drift_words(series: Series, runs: List[RunOutcome]) -> str:
 
 
 def as_text(history: History, setup: Setup, verbose: bool = False) -> str:
-    """The verdicts, what drifts since when, the worst runs, and those that were not compared."""
+    """Return the verdicts, what drifts since when, the worst runs, and those that were not compared."""
     lines = ["golden: %s" % setup.golden]
     for run in history.runs if verbose else worst_first(history.runs)[:WORST]:
         lines.append("%-13s %s%s%s" % (run.verdict.upper(), run.path, _margin_words(run.margin),
@@ -84,7 +84,7 @@ def _margin_words(margin: Optional[float]) -> str:
 
 
 def as_data(history: History, setup: Setup) -> Dict[str, Any]:
-    """All of it as plain data, for JSON; each run's checks are in the tables."""
+    """Return the history as plain data, for JSON; each run's checks are in the tables."""
     return {"format": 1, "summary": history.headline, **setup.facts(),
             "runs": [{"run": run.run, "path": run.path, "cell": run.cell, "start_ns": run.start_ns,
                       "verdict": run.verdict, "reason": run.reason, "margin": finite(run.margin), "worst": run.worst,
@@ -98,5 +98,5 @@ def as_data(history: History, setup: Setup) -> Dict[str, Any]:
 
 
 def _counted(number: Optional[int]) -> Optional[int]:
-    """Numbers of runs are counted from 1 where people read them."""
+    """Return the number of a run as people read it, counted from 1."""
     return None if number is None else number + 1

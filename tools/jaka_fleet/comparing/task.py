@@ -25,7 +25,7 @@ _BLOCK = 1 << 20
 
 
 class CompareSettings(NamedTuple):
-    """What a run is compared with.
+    """The conditions of a run's comparison.
 
     Attributes:
         golden: The golden log.
@@ -59,7 +59,7 @@ _golden = _Golden()
 
 
 def file_hash(path: str) -> str:
-    """SHA-256 of a file, hex.
+    """Compute the SHA-256 of a file, hex.
 
     Raises:
         BagError: It cannot be read.

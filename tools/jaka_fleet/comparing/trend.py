@@ -10,13 +10,13 @@ _MOST_POINTS = 600
 """More points are taken together in medians: slopes are made of all pairs."""
 _Z_95 = 1.959964
 _MAD_TO_SIGMA = 1.4826
-"""Of a normal distribution: standard deviation / median absolute deviation."""
+"""Standard deviation / median absolute deviation of a normal distribution."""
 _FEWEST = 8
 _REACH = 4
 """An outlier is seen among so many neighbours to either side."""
 _OUTLIER_SIGMA = 4.0
 _SURE = 10.0
-"""By so much the Bayesian information criterion must be better for a change than for none."""
+"""Margin by which the Bayesian information criterion must be better for a change than for none."""
 _CHANGE_SIGMA = 4.0
 _ROUNDING = 1e-9
 _END = 3
@@ -38,12 +38,12 @@ class Slope(NamedTuple):
 
     @property
     def is_sure(self) -> bool:
-        """Whether 0 is outside of the interval."""
+        """True if 0 is outside of the interval."""
         return self.low > 0 or self.high < 0
 
 
 def theil_sen(x: Array, y: Array) -> Optional[Slope]:
-    """The slope of points, shape (n,); None for less than four."""
+    """Estimate the slope of points, shape (n,), as Theil and Sen do; None for less than four."""
     if len(x) < 4:
         return None
     if len(x) > _MOST_POINTS:
@@ -62,7 +62,7 @@ def theil_sen(x: Array, y: Array) -> Optional[Slope]:
 
 
 class Change(NamedTuple):
-    """From one point on values are other than before.
+    """A change of level: from one point on values are other than before.
 
     Attributes:
         first: Number of the point, from 0.
@@ -80,7 +80,7 @@ class Change(NamedTuple):
 
 
 def without_outliers(values: Array) -> Array:
-    """The same with single values that are far from their neighbours replaced by the neighbours' median (Hampel)."""
+    """Replace single values far from their neighbours by the neighbours' median (Hampel)."""
     if len(values) <= 2 * _REACH:
         return values
     around = np.arange(_REACH, len(values) - _REACH)[:, None] + np.arange(-_REACH, _REACH + 1)
@@ -99,14 +99,14 @@ def without_outliers(values: Array) -> Array:
 
 
 def noise_of(values: Array) -> float:
-    """Standard deviation of values that may drift slowly, from the steps between neighbours, robust."""
+    """Estimate the standard deviation of values that may drift slowly, from the steps between neighbours, robust."""
     steps = np.diff(values)
     spread = _MAD_TO_SIGMA * float(np.median(np.abs(steps - np.median(steps))))
     return (spread or float(np.std(steps))) / math.sqrt(2.0)
 
 
 def find_change(values: Array, least: float = 0.0) -> Optional[Change]:
-    """The point from which on values change, as a ramp or as a jump, whichever fits better; None where none is sure.
+    """Find the point from which on values change, as a ramp or a jump, whichever fits better; None if none is sure.
 
     Args:
         values: Finite, in the order of time, shape (n,).

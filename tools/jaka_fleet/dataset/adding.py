@@ -1,4 +1,4 @@
-"""Adds one log to a data set, as a task: its topics become tables, then its row in ``runs`` appears.
+"""The task that adds one log to a data set: its topics become tables, then its row in ``runs`` appears.
 
 The tables of a log are ``topic=NAME/date=YYYY-MM-DD/CELL-RUN.parquet``: see ``runs.folder_of`` for NAME; the date is
 that of the log's first message, UTC.
@@ -56,7 +56,7 @@ _EPOCH = datetime(1970, 1, 1)
 
 
 class AddSettings(NamedTuple):
-    """How logs are added.
+    """The settings with which logs are added.
 
     Attributes:
         location: The data set: a folder or URL, as the workers name it.
@@ -72,7 +72,7 @@ class AddSettings(NamedTuple):
 
 
 def find_logs(sources: Sequence[str]) -> List[str]:
-    """The logs that are named, and those in folders and below, each once, sorted within a folder.
+    """Return the named logs, and those in folders and below, each once, sorted within a folder.
 
     Raises:
         UsageError: There is no such file, or a folder has none.
@@ -95,7 +95,7 @@ def find_logs(sources: Sequence[str]) -> List[str]:
 
 
 def cell_of(settings: AddSettings, path: str, told: str) -> str:
-    """The cell of a log: as the settings say, else by its path, else as it tells itself."""
+    """Return the cell of a log: from the settings, else from its path, else from the log itself."""
     match = re.search(settings.cell_pattern, path) if settings.cell_pattern else None
     by_path = (match.group(1) if match.groups() else match.group()) if match else ""
     return settings.cell or by_path or told or UNNAMED
@@ -168,7 +168,7 @@ def add_log(task: LogTask) -> LogResult:
 
 
 def _read(source: _Source, settings: AddSettings, staging: Staging) -> Tuple[RunRow, List[Tuple[Path, str]]]:
-    """The log's row, and its tables with their names."""
+    """Write the log's tables; return its row, and the tables with their names."""
     try:
         with open_log(source.path) as reader:
             return _Tables(source, settings, staging.folder, reader, WHOLE, "").written()
@@ -192,7 +192,7 @@ def _without_path(error: Exception, path: str) -> str:
 
 
 class _Tables:
-    """Writes the topics of one log.
+    """A writer of the topics of one log.
 
     Args:
         source: The log as it was given.
@@ -228,7 +228,7 @@ class _Tables:
         self._last_sequence: Dict[str, Array] = {}
 
     def written(self) -> Tuple[RunRow, List[Tuple[Path, str]]]:
-        """The row, and the tables with their names."""
+        """Write the tables; return the row, and the tables with their names."""
         topics = sorted(self._first)
         try:
             paths = self._write(topics) if topics else {}
@@ -280,7 +280,7 @@ class _Tables:
         self._last_sequence[topic] = numbers[-1:].astype(np.int64)
 
     def _lost(self, topic: str) -> Optional[int]:
-        """Messages of a topic that are known to be missing; what the recorder lost is skipped in the numbers, too."""
+        """Count the messages known to be missing from a topic; sequence numbers skip what the recorder lost, too."""
         told = self._facts.lost.get(topic)
         skipped = self._skipped.get(topic)
         if skipped is None and self._publishers[topic] > 1:

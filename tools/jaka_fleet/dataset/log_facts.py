@@ -1,4 +1,4 @@
-"""What a log tells of itself: cell, arm, versions, triggers, what the recorder knows to be lost.
+"""The facts that a log has about itself: cell, arm, versions, triggers, messages that the recorder knows to be lost.
 
 Reading raises ``BagFormatError`` where the log is damaged.
 """
@@ -16,7 +16,7 @@ from jaka_bag.messages.values import ValueReader
 from .runs import TriggerEvent
 
 CELL_KEY = "cell"
-"""Of a metadata record of any name; ``jaka_bag attach --metadata`` writes such."""
+"""Key of a metadata record of any name; ``jaka_bag attach --metadata`` writes such."""
 _LOST_COUNTS = ("undelivered", "overflowed", "unwritten")
 _VERSION_KEYS = {"driver": "driver_version", "controller": "controller_version", "model": "model"}
 _LOOKED_AT = 100
@@ -24,7 +24,7 @@ _LOOKED_AT = 100
 
 
 class LogFacts(NamedTuple):
-    """What was found; a text is empty where the log does not tell.
+    """The facts found in a log; a text is empty where the log does not have it.
 
     Attributes:
         cell: Where it was recorded.
@@ -44,7 +44,7 @@ class LogFacts(NamedTuple):
 
 
 def read_facts(reader: LogReader) -> LogFacts:
-    """What a log tells of itself."""
+    """Read the facts that a log has about itself."""
     records = [(entry.name, reader.read_metadata(entry)) for entry in reader.index.metadata]
     facts: Dict[str, str] = {}
     triggers = []
@@ -70,7 +70,7 @@ def _whole(text: Any) -> int:
 
 
 def _lost(text: str) -> int:
-    """Messages that an account of the recorder counts as lost."""
+    """Count the messages that an account of the recorder reports as lost."""
     try:
         account = json.loads(text)
     except ValueError:
@@ -80,7 +80,7 @@ def _lost(text: str) -> int:
 
 
 def _versions(reader: LogReader) -> Dict[str, str]:
-    """Arm and versions as the driver's diagnostics tell them."""
+    """Read arm and versions from the driver's diagnostics."""
     for status in _statuses(reader):
         if status["name"].endswith("versions"):
             values = {pair["key"]: pair["value"] for pair in status["values"]}
@@ -89,7 +89,7 @@ def _versions(reader: LogReader) -> Dict[str, str]:
 
 
 def _statuses(reader: LogReader) -> Iterator[Dict[str, Any]]:
-    """The first statuses of diagnostics."""
+    """Iterate over the first statuses of diagnostics."""
     try:
         for number, message in enumerate(messages_of(reader, Selection(types=(DIAGNOSTICS_TYPE,)))):
             if number >= _LOOKED_AT:

@@ -19,7 +19,7 @@ _BATCH_ROWS = 100000
 
 
 def load_duckdb() -> Any:
-    """The module ``duckdb``.
+    """Import the module ``duckdb``.
 
     Raises:
         MissingDependency: It is not installed.
@@ -31,9 +31,9 @@ def load_duckdb() -> Any:
 
 
 def view_names(topics: List[str]) -> Dict[str, str]:
-    """The views of topics: name to topic. ``/jaka_driver/robot_states`` is ``jaka_driver_robot_states``.
+    """Map the names of views to topics: ``jaka_driver_robot_states`` to ``/jaka_driver/robot_states``.
 
-    It is ``robot_states``, too, where no other topic ends so; of two topics with one name the first one has it.
+    That view is ``robot_states``, too, where no other topic ends so; of two topics with one name the first one has it.
     """
     names: Dict[str, str] = {}
     for topic in sorted(topics):
@@ -101,7 +101,7 @@ class DataSet:
 
     @staticmethod
     def _column(name: str, kind: str) -> str:
-        """A column as a view gives it: times as TIMESTAMP in UTC, which all functions of DuckDB take."""
+        """Return a column as a view gives it: times as TIMESTAMP in UTC, which all functions of DuckDB take."""
         quoted = '"%s"' % name.replace('"', '""')
         if not kind.startswith("TIMESTAMP"):
             return quoted
@@ -112,7 +112,7 @@ class DataSet:
         return "make_timestamp(epoch_us(%s::TIMESTAMPTZ)) AS %s" % (quoted, quoted)
 
     def ask(self, question: str) -> Tuple[Any, Iterator[Any]]:
-        """The answer: its ``pyarrow.Schema``, and record batches.
+        """Return the answer to a question: its ``pyarrow.Schema``, and record batches.
 
         Raises:
             UsageError: DuckDB does not understand the question, or cannot answer it.
@@ -136,7 +136,7 @@ class DataSet:
             raise UsageError(self._told(error)) from error
 
     def _told(self, error: Exception) -> str:
-        """DuckDB's first line, and the tables that there are where it missed one."""
+        """Return DuckDB's first line, and the tables that there are where it missed one."""
         lines = str(error).strip().splitlines() or [type(error).__name__]
         if lines[0].startswith("Catalog Error: Table with name"):
             return "%s; the tables are runs, %s" % (lines[0], ", ".join(sorted(self.views)) or "and no other")

@@ -14,11 +14,11 @@ from jaka_bag.operations.parquet import load_pyarrow
 from .store import Store
 
 SCHEMA_VERSION = 1
-"""Of the tables; a data set of another one is not touched."""
+"""Version of the tables; a data set of another one is not touched."""
 FOLDER = "runs"
 COMPACTED = "compacted.parquet"
 COMPACT_ABOVE = 64
-"""So many rows in files of their own are left alone."""
+"""Number of rows in files of their own that are left alone."""
 WHOLE, RECOVERED, UNREADABLE = "whole", "recovered", "unreadable"
 COMPRESSION = "zstd"
 _VERSION_FILE = "_jaka_bag.json"
@@ -47,7 +47,7 @@ class TopicCount(NamedTuple):
 
 
 class TriggerEvent(NamedTuple):
-    """Why a black box kept the log: when, ns since the epoch; kind and detail."""
+    """The reason why a black box kept the log: time, ns since the epoch; kind and detail."""
 
     at: int
     kind: str
@@ -55,7 +55,7 @@ class TriggerEvent(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """What the table tells of a log.
+    """The table's row of a log.
 
     Attributes:
         hash: SHA-256 of the file, hexadecimal; no two rows have the same.
@@ -95,7 +95,7 @@ class RunRow(NamedTuple):
 
 
 def _schema(pa: Any, time: Any = None) -> Any:
-    """The columns; ``time`` is another type for the times."""
+    """Return the columns; ``time`` is another type for the times."""
     text, whole, time = pa.string(), pa.int64(), time or pa.timestamp("ns", "UTC")
     topic = pa.struct([("topic", text), ("type", text), ("md5sum", text), ("messages", whole), ("lost", whole)])
     trigger = pa.struct([("at", time), ("kind", text), ("detail", text)])
@@ -106,7 +106,7 @@ def _schema(pa: Any, time: Any = None) -> Any:
 
 
 def metadata_of(topic: str, datatype: str, md5sum: str, digest: str) -> Dict[str, str]:
-    """What the footer of a topic's file says of it."""
+    """Return the metadata in the footer of a topic's file."""
     return {_VERSION_KEY: str(SCHEMA_VERSION), "jaka_bag.topic": topic, "jaka_bag.type": datatype,
             "jaka_bag.md5sum": md5sum, "jaka_bag.hash": digest}
 
@@ -164,12 +164,12 @@ def check_version(store: Store, is_to_be_made: bool = False) -> None:
 
 
 def is_dataset(store: Store) -> bool:
-    """Whether a data set is there, of whatever version."""
+    """Return whether a data set is there, of whatever version."""
     return store.exists(_VERSION_FILE)
 
 
 def _read(store: Store, name: str, **options: Any) -> Any:
-    """The table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
+    """Read the table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
 
     The file is copied to memory of pyarrow's own: its threads may let go of a Python object while the program ends, and
     the program is aborted then (apache/arrow 34314).
@@ -183,7 +183,7 @@ def _read(store: Store, name: str, **options: Any) -> Any:
 
 
 def _tables(store: Store, columns: Optional[Sequence[str]] = None) -> Iterator[Any]:
-    """The rows in files of their own, then the compacted ones; a row may come twice."""
+    """Iterate over the rows in files of their own, then the compacted ones; a row may come twice."""
     # One that is compacted meanwhile is in the compacted file, which is read last.
     for name in [name for name in store.names(FOLDER) if name != COMPACTED] + [COMPACTED]:
         try:
@@ -193,7 +193,7 @@ def _tables(store: Store, columns: Optional[Sequence[str]] = None) -> Iterator[A
 
 
 def find_status(store: Store, digest: str) -> Optional[str]:
-    """The status of a log that is in; None where it is not."""
+    """Return the status of a log in the table; None if it is not there."""
     # One that is compacted meanwhile is in the compacted file, which is read last.
     for name in (digest + _SUFFIX, COMPACTED):
         try:
@@ -206,13 +206,13 @@ def find_status(store: Store, digest: str) -> Optional[str]:
 
 
 def is_in(store: Store, name: str) -> bool:
-    """Whether the row whose file is or was called ``name`` is in the table."""
+    """Return whether the row whose file is or was called ``name`` is in the table."""
     folder, _, rest = name.partition("/")
     return store.exists(name) if folder != FOLDER else find_status(store, rest.split(".")[0]) is not None
 
 
 def read_table(store: Store, columns: Optional[Sequence[str]] = None) -> Any:
-    """The table as a ``pyarrow.Table``, one row a hash, sorted by hash; ``columns`` are the wanted ones besides it."""
+    """Read the table as a ``pyarrow.Table``, one row a hash, sorted by hash, with ``columns`` besides it, or all."""
     pa, _ = load_pyarrow()
     schema = _schema(pa)
     wanted = None if columns is None else ["hash", *[name for name in columns if name != "hash"]]
@@ -231,13 +231,13 @@ def read_table(store: Store, columns: Optional[Sequence[str]] = None) -> Any:
 
 
 def with_plain_times(table: Any) -> Any:
-    """The table with times of microseconds, UTC, without a time zone."""
+    """Return the table with times of microseconds, UTC, without a time zone."""
     pa, _ = load_pyarrow()
     return table.cast(_schema(pa, pa.timestamp("us")), safe=False)
 
 
 def read_runs(store: Store) -> List[RunRow]:
-    """The rows, by start and hash; logs without messages come first."""
+    """Read the rows, by start and hash; logs without messages come first."""
     rows = []
     pa, _ = load_pyarrow()
     for values in read_table(store).cast(_schema(pa, pa.int64())).to_pylist():
@@ -248,7 +248,7 @@ def read_runs(store: Store) -> List[RunRow]:
 
 
 def loose_count(store: Store) -> int:
-    """Rows in files of their own."""
+    """Count the rows in files of their own."""
     return sum(1 for name in store.names(FOLDER) if name != COMPACTED)
 
 

@@ -1,4 +1,4 @@
-"""Where a data set lies: a folder, or what fsspec reaches by a URL, as ``s3://``.
+"""The place of a data set: a folder, or what fsspec reaches by a URL, as ``s3://``.
 
 Files appear whole: they are made in a folder of their own beside the data set (``Staging``), then given their names. In
 a folder, those who publish hold a shared lock for these few renames, and who tidies up or compacts holds it alone, so
@@ -62,7 +62,7 @@ class Staging:
 
 
 def _flush(path: Path) -> None:
-    """What is renamed must be on the disk: after a power cut the new name would else lead to an empty file."""
+    """Flush a file to the disk before it is renamed: else a power cut may leave the new name with an empty file."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
@@ -78,15 +78,15 @@ class Store:
         self.location = location
 
     def address(self, name: str) -> str:
-        """Path or URL of a file, for other programs."""
+        """Return path or URL of a file, for other programs."""
         return "%s/%s" % (self.location.rstrip("/"), name)
 
     def exists(self, name: str) -> bool:
-        """Whether there is a file or folder of that name."""
+        """Return whether there is a file or folder of that name."""
         raise NotImplementedError
 
     def names(self, folder: str) -> List[str]:
-        """Names of what is in a folder, without the folder's, sorted; none where it is not there."""
+        """Return the sorted names in a folder, without the folder's; none if it is not there."""
         raise NotImplementedError
 
     def open(self, name: str) -> BinaryIO:
@@ -107,18 +107,18 @@ class Store:
 
     @contextlib.contextmanager
     def staging(self) -> Iterator[Staging]:
-        """A folder of one's own; it is removed at the end."""
+        """Provide a folder of one's own; remove it at the end."""
         raise NotImplementedError
         yield
 
     @contextlib.contextmanager
     def shared(self) -> Iterator[None]:
-        """Others may publish at the same time, but not tidy up or compact."""
+        """Let others publish at the same time, but not tidy up or compact."""
         yield
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else publishes."""
+        """Hold the data set alone: nobody else publishes."""
         yield
 
     def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
@@ -211,7 +211,7 @@ class FolderStore(Store):
 
     @staticmethod
     def _published_by(folder: Path) -> List[str]:
-        """The names that a killed program had begun to give, the last at the end."""
+        """Return the names that a killed program had begun to give, the last at the end."""
         try:
             names: List[str] = json.loads((folder / _PLAN).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -220,7 +220,7 @@ class FolderStore(Store):
 
 
 class ObjectStore(Store):
-    """What fsspec reaches: ``s3://``, ``gs://``, ``file://``, ``memory://`` and others."""
+    """A data set by a URL that fsspec reaches: ``s3://``, ``gs://``, ``file://``, ``memory://`` and others."""
 
     def __init__(self, location: str) -> None:
         super().__init__(location)
@@ -270,7 +270,7 @@ class ObjectStore(Store):
 
 
 def open_store(location: str) -> Store:
-    """The store of a location: a folder, which need not be there yet, or a URL.
+    """Open the store of a location: a folder, which need not be there yet, or a URL.
 
     Raises:
         BagError: It is a file.

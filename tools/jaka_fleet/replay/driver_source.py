@@ -1,4 +1,4 @@
-"""Another driver than this package's: of a checkout, an installation or a version in git, packed as one archive.
+"""A driver other than this package's: from a checkout, an installation or a version in git, packed as one archive.
 
 The archive travels with the tasks, so that workers need neither the folder nor git.
 """
@@ -35,7 +35,7 @@ THIS_DRIVER = DriverSource("the driver of this package")
 
 
 def driver_source(wanted: Optional[str]) -> DriverSource:
-    """The driver in a folder, or of a version: a tag, branch or commit of the checkout that this package runs from.
+    """Bundle the driver in a folder, or of a version: a tag, branch or commit of this package's checkout.
 
     Args:
         wanted: A checkout, an install space, or a version; None for this package's own driver.
@@ -69,7 +69,7 @@ def _files(base: Path, package: str) -> Iterator[Tuple[str, bytes]]:
 
 
 def _packed(files: List[Tuple[str, bytes]]) -> bytes:
-    """The same bytes for the same files."""
+    """Write files to an archive reproducibly: the same bytes for the same files."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w:bz2") as archive:
         for name, content in files:

@@ -27,7 +27,7 @@ _one_stage = threading.Lock()
 
 
 class ReplaySettings(NamedTuple):
-    """What a worker needs besides the log's name; it brings the log itself.
+    """The input of a replay besides the log's name; it brings the log itself.
 
     Attributes:
         log: Bytes of the golden log.
@@ -47,7 +47,7 @@ class ReplaySettings(NamedTuple):
 
 
 class ReplayOutcome(NamedTuple):
-    """What came of a replay.
+    """The result of a replay.
 
     Attributes:
         same: The driver did what the golden log shows.
@@ -88,7 +88,7 @@ def replay_task(task: LogTask) -> LogResult:
 
 
 def _job(path: str, settings: ReplaySettings, folder: Path) -> Path:
-    """Lay out what the stage needs; the job file."""
+    """Prepare what the stage needs; return the job file."""
     golden = folder / re.sub(r"[^\w.-]+", "_", os.path.basename(path))
     golden.write_bytes(settings.log)
     if settings.scenario is not None:
@@ -126,14 +126,14 @@ def _result(stage: Program, file: Path) -> Dict[str, Any]:
 
 
 def _words(folder: Path) -> str:
-    """The last words of the driver: an error is mostly its."""
+    """Return the driver's last words: an error is mostly its."""
     logs = sorted(folder.glob("driver*.log"))
     texts = [log.read_text(encoding="utf-8", errors="replace").strip()[-400:] for log in logs]
     return "".join("; %s" % " ".join(text.split()) for text in texts if text)
 
 
 def _without(text: object, folder: Path) -> str:
-    """The text without the name of a folder that is gone when it is read."""
+    """Return the text without the name of a folder that is gone when it is read."""
     return str(text).replace(str(folder / "run") + "/", "").replace(str(folder) + "/", "")
 
 

@@ -29,17 +29,17 @@ class Replayed(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """In a word or two."""
+        """The verdict in a word or two."""
         return "not replayed" if self.outcome is None else "same" if self.outcome.same else "different"
 
     @property
     def words(self) -> str:
-        """What to know of it."""
+        """The outcome's headline, or the reason why there is none."""
         return self.reason if self.outcome is None else self.outcome.headline
 
 
 def headline(replays: Sequence[Replayed], driver: str) -> str:
-    """How many are what."""
+    """Count the replays by verdict, for the headline."""
     counts = {verdict: sum(one.verdict == verdict for one in replays)
               for verdict in ("same", "different", "not replayed")}
     return "%s, %d golden logs: %s" % (driver, len(replays), ", ".join(
@@ -47,13 +47,13 @@ def headline(replays: Sequence[Replayed], driver: str) -> str:
 
 
 def as_text(replays: Sequence[Replayed], driver: str) -> str:
-    """A line for each log, and the headline."""
+    """Return a line for each log, and the headline."""
     lines = ["%-13s %s: %s" % (one.verdict.upper(), one.path, one.words) for one in replays]
     return "\n".join([*lines, headline(replays, driver)])
 
 
 def as_data(replays: Sequence[Replayed], driver: str) -> Dict[str, Any]:
-    """All of it as plain data, for JSON."""
+    """Return the replays as plain data, for JSON."""
     return {"format": 1, "driver": driver, "summary": headline(replays, driver), "replays": [
         {"golden": one.path, "folder": one.name, "verdict": one.verdict, "words": one.words, "seconds": one.seconds,
          "differences": one.outcome.differences if one.outcome else []} for one in replays]}
@@ -84,7 +84,7 @@ def _row(one: Replayed) -> str:
 
 
 def as_page(replays: Sequence[Replayed], driver: str, seconds: float) -> str:
-    """The page, to be written as UTF-8 beside the folders of the logs.
+    """Return the page, to be written as UTF-8 beside the folders of the logs.
 
     Args:
         replays: All of them.

@@ -19,11 +19,11 @@ from jaka_regression.replay import replay
 
 RESULT = "result.json"
 STAGE = ("-m", __name__)
-"""What a replay starts, as arguments of this interpreter."""
+"""Arguments of this interpreter that start a replay."""
 
 
 def _take_signals() -> None:
-    """Obey SIGINT and SIGTERM, and have the stage's programs obey them.
+    """Handle SIGINT and SIGTERM, and have the programs of the stage handle them.
 
     Workers block or ignore SIGINT: the Ctrl-C of a terminal is for whoever waits for them. Programs inherit that, and
     each would run on until something stronger ends it.

@@ -1,4 +1,4 @@
-"""Who may move the arm, and while which heartbeats. Pure: no socket, thread or clock.
+"""The rules of who may move the arm, and on which heartbeats. Pure: no socket, thread or clock.
 
 control   one page has control; another one asks for it
 jog_hold  the dead-man between a page that holds a button and the driver's velocity jog

@@ -1,11 +1,17 @@
-"""How many messages a page may send."""
+"""The limit on how many messages a page may send."""
 
 
 class Budget:
-    """So many messages a second, and so many at once; more are too many."""
+    """A rate limiter: a number of messages a second, and a number at once; what exceeds them is refused."""
 
     def __init__(self, rate: float, burst: float, now: float) -> None:
-        """rate: messages a second; burst: at once; now: monotonic time, s."""
+        """Begin with the full burst.
+
+        Args:
+            rate: Messages a second.
+            burst: Messages at once.
+            now: Monotonic time, s.
+        """
         self._rate, self._burst = rate, burst
         self._left, self._at = burst, now
 

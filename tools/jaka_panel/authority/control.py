@@ -2,7 +2,7 @@
 from typing import NamedTuple, Optional
 
 ANSWER_S = 10.0
-"""s; so long the page that has control is asked. Without an answer nobody sits there."""
+"""Time, s, that the page in control has to answer a request for it; without an answer nobody sits there."""
 
 
 class Asked(NamedTuple):
@@ -13,7 +13,7 @@ class Asked(NamedTuple):
 
 
 class Control:
-    """Which page has control; pages are known by their ids.
+    """The page that has control of the arms; pages are known by their ids.
 
     Attributes:
         holder: The page that has control, None where nobody has.
@@ -25,7 +25,7 @@ class Control:
         self.asked: Optional[Asked] = None
 
     def take(self, page: str, now: float) -> bool:
-        """A page wants control; True where it has it now, False where the holder is asked first.
+        """Request control for a page; return True if it has control now, False if the holder is asked first.
 
         While one page asks, another one that wants it does not replace it.
         """
@@ -37,7 +37,7 @@ class Control:
         return False
 
     def answer(self, page: str, give: bool) -> Optional[str]:
-        """The holder answers who asked; returns the page that had asked, None where there is nothing to answer."""
+        """Answer the pending request for the holder; return the page that had asked, None if none had."""
         if page != self.holder or self.asked is None:
             return None
         asker = self.asked.page
@@ -47,7 +47,7 @@ class Control:
         return asker
 
     def leave(self, page: str) -> bool:
-        """A page gives control back, or has gone; True where something has changed. Who had asked gets it."""
+        """Release a page's control or request, to whoever has asked for it; return whether anything has changed."""
         if self.asked is not None and page == self.asked.page:
             self.asked = None
             return page != self.holder

@@ -11,16 +11,19 @@ from collections import deque
 from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 PERIOD_S = 0.05
-"""s; between two heartbeats of a page."""
+"""Period of a page's heartbeats, s."""
 MISSED_S = 0.15
-"""s; without a heartbeat that counts the hold ends."""
+"""Time without a valid heartbeat after which the hold ends, s."""
 SEEN_S = 0.25
-"""s; a heartbeat names the newest state that its page has shown. What is older, nobody moves the arm by."""
+"""Greatest age, s, of the newest state that a page has shown at a heartbeat; nobody moves the arm by an older one."""
 LATE_S = 0.1
-"""s; a heartbeat that came so much later than the quickest ones of its page was held up on its way."""
+"""Excess delay, s, over its page's quickest heartbeats from which on a heartbeat counts as held up on its way."""
 OTHER_TOPIC_S = 0.75
-"""s; joints and tool are two topics, which are two publishers to the driver: for 0.5 s after a word on one it takes
-none on the other (docs/velocity_jog.md). So long after the last heartbeat on the other, rest is said."""
+"""Time after the last heartbeat on one jog topic during which the other carries zero velocity, s.
+
+Joints and tool are two topics, hence two publishers to the driver: for 0.5 s after a message on one it accepts none on
+the other (docs/velocity_jog.md).
+"""
 FRACTION = 0.1
 """Share of the driver's own jog limits with which everybody begins."""
 SPACES = ("joint", "base", "tool")
@@ -30,7 +33,7 @@ _STEP_GAIN = 3.0
 _SLOWEST_SHARE = 0.02
 _STEP_DONE_SHARE = 0.02
 _STEP_DONE = {"length": 2e-5, "angle": 5e-5}
-"""m and rad; a step that is so near is done."""
+"""Distance to the end of a step, m and rad, at which the step is done."""
 _LARGEST_STEP = {"length": 0.1, "angle": 0.35}
 
 
@@ -43,14 +46,14 @@ class Limits(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where an arm is now: joints, rad (6,), the tool's position, m, and rotation vector, rad (3,) each, or None."""
+    """The place of an arm: joints, rad (6,); the tool's position, m, and rotation vector, rad (3,) each, or None."""
 
     joints: Tuple[float, ...]
     tool: Optional[Tuple[Tuple[float, ...], Tuple[float, ...]]]
 
 
 class Velocity(NamedTuple):
-    """What the driver is to be told: of the joints, rad/s, or of the tool, m/s and rad/s, in a space of ``SPACES``."""
+    """A velocity command: of the joints, rad/s, or of the tool, m/s and rad/s, in a space of ``SPACES``."""
 
     arm: str
     space: str
@@ -97,12 +100,12 @@ class Heartbeat(NamedTuple):
 
     @property
     def is_turn(self) -> bool:
-        """Whether a step is an angle."""
+        """True if a step is an angle, False if it is a length."""
         return self.space == "joint" or self.axis > 2
 
 
 def heartbeat_from(message: Mapping[str, Any]) -> Heartbeat:
-    """A heartbeat out of a page's message; raises WrongHeartbeat."""
+    """Parse a page's heartbeat message; raise WrongHeartbeat if it is invalid."""
     space, step = message.get("space"), message.get("step")
     share = message.get("v")
     if not isinstance(space, str) or space not in SPACES:
@@ -126,13 +129,13 @@ def heartbeat_from(message: Mapping[str, Any]) -> Heartbeat:
 
 
 class Lateness:
-    """How much later than the quickest ones the messages of one page come, by its own clock."""
+    """An estimate of the delay of one page's messages over its quickest ones, by the page's clock."""
 
     def __init__(self) -> None:
         self._ways: Deque[Tuple[float, float]] = deque()
 
     def of(self, clock: float, now: float) -> float:
-        """s; a message that was sent at ``clock`` has come. Both clocks may have any zero."""
+        """Return the excess delay, s, of a message sent at ``clock``, received at ``now``; their zeros may differ."""
         way = now - clock
         while self._ways and self._ways[0][0] < now - _WINDOW_S:
             self._ways.popleft()
@@ -175,7 +178,7 @@ class JogHold:
 
     def heartbeat(self, page: str, beat: Heartbeat, lateness: float, place: Optional[Place], limits: Limits,
                   now: float) -> None:
-        """A heartbeat of the page that has control has come.
+        """Handle a heartbeat of the page that has control.
 
         Args:
             page: Who says it.
@@ -225,7 +228,7 @@ class JogHold:
             self._tell_state("moving")
 
     def stop(self, page: str, number: int) -> None:
-        """A button is let go; one of another page or press changes nothing."""
+        """End the hold, as its button was released; one of another page or press changes nothing."""
         self._dead[page] = max(number, self._dead.get(page, -1))
         if self._hold is not None and (self._hold.page, self._hold.number) == (page, number):
             self.end("released")
@@ -247,12 +250,12 @@ class JogHold:
         self._hold = None
 
     def forget(self, page: str) -> None:
-        """A page has gone."""
+        """Forget a page that has gone."""
         self._sequence.pop(page, None)
         self._dead.pop(page, None)
 
     def _is_other_topic_heard(self, hold: _Hold, now: float) -> bool:
-        """Whether the driver may still hear the last hold, of the same arm, on its other topic."""
+        """Return whether the driver may still follow the last hold, of the same arm, on its other topic."""
         if self._before is None:
             return False
         arm, was_joint, at = self._before
@@ -273,7 +276,7 @@ class JogHold:
                                "late": hold.late})
 
     def _values(self, hold: _Hold, beat: Heartbeat, place: Place, limits: Limits) -> Optional[Tuple[float, ...]]:
-        """The velocities to say; None where a step is done."""
+        """Return the velocities to publish; None if a step is done."""
         full = (limits.joint,) * 6 if beat.space == "joint" else (limits.linear,) * 3 + (limits.angular,) * 3
         speeds = [self.fraction * limit * share for limit, share in zip(full, _not_longer_than_1(beat))]
         if beat.step is None:
@@ -291,7 +294,7 @@ class JogHold:
 
 
 def _not_longer_than_1(beat: Heartbeat) -> Sequence[float]:
-    """The shares; along the tool's place and turn no vector is longer than 1, so that no diagonal is faster."""
+    """Return the shares with the tool's two vectors cut to length 1, so that no diagonal is faster."""
     if beat.space == "joint":
         return beat.share
     parts = []
@@ -302,7 +305,7 @@ def _not_longer_than_1(beat: Heartbeat) -> Sequence[float]:
 
 
 def _way(hold: _Hold, beat: Heartbeat, place: Place) -> Optional[float]:
-    """How far the arm has come along the axis of a step, m or rad; None where the tool's pose is not known."""
+    """Return the way along the axis of a step so far, m or rad; None if the tool's pose is not known."""
     begin, sign = hold.begin, beat.share[beat.axis]
     assert begin is not None
     if beat.space == "joint":
@@ -315,7 +318,7 @@ def _way(hold: _Hold, beat: Heartbeat, place: Place) -> Optional[float]:
 
 
 def angle_between(one: Sequence[float], other: Sequence[float]) -> float:
-    """The angle, rad, 0 to pi, between two orientations, rotation vectors (3,)."""
+    """Return the angle, rad, 0 to pi, between two orientations, rotation vectors (3,)."""
     a, b = _quaternion(one), _quaternion(other)
     return 2.0 * math.acos(min(1.0, abs(sum(x * y for x, y in zip(a, b)))))
 

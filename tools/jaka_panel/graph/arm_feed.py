@@ -1,4 +1,4 @@
-"""What one driver tells: the newest of what changes all the time, every one of what is an event.
+"""The subscriptions to one driver: the newest of each state, and every event.
 
 rospy calls back in threads of its own, which only put raw messages down here; they are read in the thread that asks
 (``state``, ``take_plots``, ``take_news``), as often as pages are told, and not for every message.
@@ -26,7 +26,7 @@ roslib_message: Any = untyped_roslib
 _LOG = logging.getLogger(__name__)
 
 STALE_S = 0.3
-"""s; joints that are older are not shown as new, and nobody jogs by them."""
+"""Age, s, above which joints are shown as stale and nobody jogs by them."""
 KEPT_CALLS = 50
 _LONGEST_TEXT = 2000
 _IO_PERIOD_S = 0.1
@@ -99,7 +99,7 @@ class ArmFeed:
     # ---- subscriptions ----
 
     def follow(self, driver: Driver, is_watched: bool) -> None:
-        """The driver as the master knows it now, and whether what comes 125 times a second is wanted.
+        """Subscribe to the driver as the master knows it now; ``is_watched``: to the 125 Hz topics as well.
 
         A driver that starts offers its topics one after the other: each is subscribed to when it is there.
         """
@@ -197,7 +197,7 @@ class ArmFeed:
         return errors
 
     def _moment(self, stamp_ns: int, heard_at: float) -> float:
-        """When a sample was stamped, monotonic time, s; not later than when it was heard."""
+        """Return the time of a sample's stamp, monotonic time, s; not later than its reception."""
         return min(heard_at, stamp_ns * 1e-9 - self._clock_offset)
 
     @property
@@ -206,15 +206,15 @@ class ArmFeed:
         return self._joints
 
     def is_alive(self, now: float) -> bool:
-        """Whether the driver has said something lately."""
+        """Return whether a message of the driver was received within 5 s."""
         return now - self._diagnostics_at < 5.0 or (self._joints is not None and now - self._joints.at < 5.0)
 
     def tool(self, now: float) -> Optional[Dict[str, Any]]:
-        """The active tool's pose: ``p`` m, ``r`` rotation vector, ``frame``, ``age`` s."""
+        """Return the active tool's pose: ``p`` m, ``r`` rotation vector, ``frame``, ``age`` s."""
         return self._of("tool", now, self._read_tool)
 
     def state(self, now: float) -> Dict[str, Any]:
-        """The newest of everything, as the message ``state`` has it."""
+        """Return the newest of everything, as the message ``state`` has it."""
         joints = self._joints
         age = None if joints is None else max(0.0, now - joints.at)
         return {
@@ -282,7 +282,7 @@ class ArmFeed:
         return {"f": _rounded(values[:3]), "t": _rounded(values[3:]), "at": self._moment(head.stamp_ns, heard.at)}
 
     def _condition_now(self, now: float) -> Dict[str, Any]:
-        """What /diagnostics tell of the arm; nothing of it while they are silent."""
+        """Return what /diagnostics say of the arm; nothing while they are silent."""
         names = ("owner", "enabled", "hand_guided", "tool_id", "user_id", "held_by")
         known = self._condition if now - self._diagnostics_at < 3.0 else {}
         return {("hand_guiding" if name == "hand_guided" else name): known.get(name) for name in names}
@@ -290,14 +290,14 @@ class ArmFeed:
     # ---- what changes rarely ----
 
     def snapshot(self, now: float) -> List[Dict[str, Any]]:
-        """What a page is told when it begins to watch, besides ``state``."""
+        """Return the messages for a page that begins to watch, besides ``state``."""
         calls = {"t": "calls", "calls": list(self._calls)}
         alarms = {"t": "alarms", "alarms": self.alarms.all()}
         io = [] if self._io is None else [self._io_message(now)]
         return [*self._said.values(), *io, alarms, calls]
 
     def take_news(self, now: float) -> List[Dict[str, Any]]:
-        """What has changed since the last time, oldest first."""
+        """Return the messages of what has changed since the last call, oldest first."""
         news: List[Dict[str, Any]] = []
         while self._events:
             event = self._events.popleft()
@@ -316,7 +316,7 @@ class ArmFeed:
         self._events.append(lambda: self._alarm_news(self.alarms.note(time.time(), level, text, "panel")))
 
     def _status_event(self) -> List[Dict[str, Any]]:
-        """The controller's event as ``~robot_status`` has it, earlier than /diagnostics."""
+        """Record the controller's event from ``~robot_status``, which comes earlier than /diagnostics."""
         heard = self._heard.get("status")
         if heard is None or time.monotonic() - heard.at > STALE_S:
             return []
@@ -420,7 +420,7 @@ def _read_robot(heard: Heard) -> Dict[str, Any]:
 
 
 def _rounded(values: Sequence[float]) -> List[Optional[float]]:
-    """As JSON has them, which knows neither NaN nor infinity."""
+    """Round values for JSON, which knows neither NaN nor infinity: they become None."""
     return [round(value, 6) if math.isfinite(value) else None for value in values]
 
 

@@ -1,4 +1,4 @@
-"""Which drivers run on this ROS graph, and what each of them offers."""
+"""The drivers that run on this ROS graph, and what each of them offers."""
 import logging
 from typing import Any, Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Tuple
 
@@ -39,11 +39,11 @@ class Driver(NamedTuple):
 
     @property
     def namespace(self) -> str:
-        """Of the node, with a slash at its end."""
+        """The node's namespace, with a slash at its end."""
         return self.node.rpartition("/")[0] + "/"
 
     def parameter(self, name: str, default: Any) -> Any:
-        """A private parameter, of the type of its default; the default where it is not set or of another type."""
+        """Return a private parameter; the default where it is not set or of another type."""
         value = self.parameters.get(name, default)
         return value if isinstance(value, type(default)) or (
             isinstance(default, float) and type(value) is int) else default
@@ -55,7 +55,7 @@ class Driver(NamedTuple):
 
     @property
     def prefix(self) -> str:
-        """In front of the names of frames and joints."""
+        """The prefix of the names of frames and joints."""
         return str(self.parameter("frame_prefix", ""))
 
     @property
@@ -64,32 +64,31 @@ class Driver(NamedTuple):
         return {key: float(self.parameter(name, default)) for key, (name, default) in _JOG_DEFAULTS.items()}
 
     def topic_of_type(self, kind: str) -> Optional[str]:
-        """A topic of this type that it publishes."""
+        """Return a topic of this type that the driver publishes."""
         return next((name for name, its_kind in self.topics if its_kind == kind), None)
 
     @property
     def state_topic(self) -> Optional[str]:
-        """Where it tells where the joints are wanted."""
+        """The topic on which the driver publishes the desired joints."""
         return self.topic_of_type(_STATE_TYPE)
 
     def publishes(self, name: str) -> bool:
-        """Whether it publishes this private topic."""
+        """Return whether the driver publishes this private topic."""
         return any(topic == "%s/%s" % (self.node, name) for topic, _ in self.topics)
 
     def offers(self, name: str) -> bool:
-        """Whether it offers this private service."""
+        """Return whether the driver offers this private service."""
         return "%s/%s" % (self.node, name) in self.services
 
 
 class ArmFinder:
-    """Asks the ROS master who is there."""
+    """A search for drivers, by the ROS master."""
 
     def __init__(self, caller: str) -> None:
-        """caller: name of this node."""
         self._master = rosgraph.Master(caller)
 
     def find(self) -> Optional[Dict[str, Driver]]:
-        """All drivers by the names of their nodes; None while the master does not answer."""
+        """Return all drivers by the names of their nodes; None while the master does not answer."""
         try:
             publishers, subscribers, services = self._master.getSystemState()
             types = dict(self._master.getTopicTypes())

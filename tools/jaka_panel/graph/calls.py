@@ -10,7 +10,7 @@ MOST_CALLS = 32
 
 
 class TooManyCalls(RuntimeError):
-    """So many calls hang that no more are begun."""
+    """Refusal of a call, as too many are still waiting."""
 
 
 class NoAnswer(RuntimeError):
@@ -18,14 +18,14 @@ class NoAnswer(RuntimeError):
 
 
 class Calls:
-    """Runs functions that wait, for one event loop."""
+    """A runner of blocking functions, for one event loop."""
 
     def __init__(self) -> None:
         self._count = 0
         self._lock = threading.Lock()
 
     async def run(self, function: Callable[[], Any], timeout: float) -> Any:
-        """What the function returns; what it raises is raised here.
+        """Run the function in a thread of its own; return what it returns, raise what it raises.
 
         Raises:
             TooManyCalls: ``MOST_CALLS`` are under way.

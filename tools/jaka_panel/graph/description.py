@@ -1,4 +1,4 @@
-"""What a URDF says of an arm: limits of its joints, and the files of its meshes."""
+"""The parts of an arm's URDF that pages need: limits of its joints, and the files of its meshes."""
 import hashlib
 import math
 import os
@@ -44,7 +44,7 @@ class Description:
             mesh.get("filename", "") for mesh in root.iter("mesh")}
 
     def mesh_file(self, uri: str) -> Optional[str]:
-        """The file of a mesh that the URDF names, or of a texture in the folder of one; None for all others."""
+        """Return the file of a mesh that the URDF names, or of a texture in a mesh's folder; None for all others."""
         if uri in self._meshes:
             return _existing(_path(uri), _MESHES)
         folder, _, name = uri.rpartition("/")
@@ -54,7 +54,7 @@ class Description:
 
 
 def _path(uri: str) -> Optional[str]:
-    """The path that a URI names; None where it is of another kind or its package is unknown."""
+    """Return the path that a URI names; None if it is of another kind or its package is unknown."""
     parts = urlsplit(uri)
     if parts.scheme == "file":
         return unquote(parts.path)
@@ -91,7 +91,7 @@ def _joints(root: ElementTree.Element) -> Optional[List[Dict[str, Any]]]:
 
 
 def generated(model: str, dh_file: str, prefix: str) -> str:
-    """The URDF that the driver makes of a model; empty where it makes none."""
+    """Return the URDF that the driver generates for a model; empty if it generates none."""
     if model.startswith("-") or dh_file.startswith("-") or prefix.startswith("-"):
         return ""
     words = [sys.executable, *programs.DRIVER, "--urdf", model, "--dh-file", dh_file, "--frame-prefix", prefix]

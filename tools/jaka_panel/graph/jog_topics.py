@@ -15,7 +15,6 @@ class JogTopics:
     """Publishers for one driver, connected before they are needed: the first message of a jog must not be lost."""
 
     def __init__(self, node: str) -> None:
-        """node: name of the driver."""
         self._publishers: Dict[str, Any] = {
             topic: rospy.Publisher("%s/%s" % (node, topic), kind, queue_size=1, tcp_nodelay=True)
             for topic, kind in (("jog_joints", JointState), ("jog_twist", TwistStamped))}

@@ -26,14 +26,14 @@ class Stamped(NamedTuple):
 
 
 def header(raw: bytes) -> Stamped:
-    """A std_msgs/Header at the beginning."""
+    """Read a std_msgs/Header at the beginning."""
     _, seconds, nanoseconds = _HEADER.unpack_from(raw)
     (length,) = _LENGTH.unpack_from(raw, 12)
     return Stamped(seconds * 1000000000 + nanoseconds, raw[16:16 + length].decode("utf-8", "replace"), 16 + length)
 
 
 def _names_end(raw: bytes, at: int) -> int:
-    """Behind a string[]."""
+    """Return the offset behind a string[]."""
     (count,) = _LENGTH.unpack_from(raw, at)
     at += 4
     for _ in range(count):
@@ -43,7 +43,7 @@ def _names_end(raw: bytes, at: int) -> int:
 
 
 def _numbers(raw: bytes, at: int) -> Tuple[Optional[Tuple[float, ...]], int]:
-    """A float64[] if it has six numbers, and what is behind it."""
+    """Read a float64[]; return it if it has six numbers, else None, and the offset behind it."""
     (count,) = _LENGTH.unpack_from(raw, at)
     end = at + 4 + _F64 * count
     if count != JOINTS:
@@ -52,7 +52,7 @@ def _numbers(raw: bytes, at: int) -> Tuple[Optional[Tuple[float, ...]], int]:
 
 
 def joint_state(raw: bytes) -> Tuple[int, Optional[Tuple[float, ...]], Optional[Tuple[float, ...]]]:
-    """sensor_msgs/JointState of six joints in their order: stamp, ns, position, velocity."""
+    """Read a sensor_msgs/JointState of six joints in their order: stamp, ns, position, velocity."""
     head = header(raw)
     position, at = _numbers(raw, _names_end(raw, head.begin))
     velocity, _ = _numbers(raw, at)
@@ -60,32 +60,34 @@ def joint_state(raw: bytes) -> Tuple[int, Optional[Tuple[float, ...]], Optional[
 
 
 def six_numbers(raw: bytes) -> Tuple[Stamped, Tuple[float, ...]]:
-    """geometry_msgs/TwistStamped or WrenchStamped: header, and two vectors one after the other (6,)."""
+    """Read a geometry_msgs/TwistStamped or WrenchStamped: header, and two vectors one after the other (6,)."""
     head = header(raw)
     return head, _SIX.unpack_from(raw, head.begin)
 
 
 def pose(raw: bytes) -> Tuple[Stamped, Tuple[float, ...]]:
-    """geometry_msgs/PoseStamped: header, and position and quaternion x y z w (7,)."""
+    """Read a geometry_msgs/PoseStamped: header, and position and quaternion x y z w (7,)."""
     head = header(raw)
     return head, _SEVEN.unpack_from(raw, head.begin)
 
 
 def robot_states(raw: bytes) -> Tuple[int, ...]:
-    """jaka_msgs/RobotMsg: motion, power, servo, collision."""
+    """Read a jaka_msgs/RobotMsg: motion, power, servo, collision."""
     return _ROBOT.unpack_from(raw)
 
 
 def robot_status(raw: bytes) -> Tuple[int, Tuple[int, ...]]:
-    """industrial_msgs/RobotStatus: stamp, ns; mode, e_stopped, drives_powered, motion_possible, in_motion, in_error,
-    error_code.
+    """Read an industrial_msgs/RobotStatus.
+
+    Returns:
+        Stamp, ns; mode, e_stopped, drives_powered, motion_possible, in_motion, in_error, error_code.
     """
     head = header(raw)
     return head.stamp_ns, _STATUS.unpack_from(raw, head.begin)
 
 
 def controller_state(raw: bytes) -> Tuple[int, Optional[Tuple[float, ...]], Optional[Tuple[float, ...]]]:
-    """control_msgs/JointTrajectoryControllerState: stamp, ns, desired positions, errors of the positions."""
+    """Read a control_msgs/JointTrajectoryControllerState: stamp, ns, desired positions, errors of the positions."""
     head = header(raw)
     at = _names_end(raw, head.begin)
     points: List[Optional[Tuple[float, ...]]] = []
@@ -99,7 +101,7 @@ def controller_state(raw: bytes) -> Tuple[int, Optional[Tuple[float, ...]], Opti
 
 
 def number_array(raw: bytes) -> Optional[Tuple[float, ...]]:
-    """std_msgs/Float64MultiArray of six numbers."""
+    """Read a std_msgs/Float64MultiArray of six numbers."""
     (dimensions,) = _LENGTH.unpack_from(raw)
     at = 4
     for _ in range(dimensions):
@@ -110,5 +112,5 @@ def number_array(raw: bytes) -> Optional[Tuple[float, ...]]:
 
 
 def number(raw: bytes) -> float:
-    """std_msgs/Float64."""
+    """Read a std_msgs/Float64."""
     return float(struct.unpack_from("<d", raw)[0])

@@ -1,4 +1,4 @@
-"""What a page may ask of a driver, as calls of its services: SI units in, whatever the interface of the driver has out.
+"""The requests of pages to a driver, as calls of its services: from SI units to those of the driver's interface.
 
 Poses of pages are x, y, z, m, and a rotation vector, rad.
 """
@@ -29,7 +29,7 @@ class WrongRequest(ValueError):
 
 
 class Outcome(NamedTuple):
-    """How a call ended: as the driver tells it, and what the page gets besides."""
+    """The end of a call: success and message of the driver, and what the page gets besides."""
 
     ok: bool
     message: str
@@ -37,7 +37,7 @@ class Outcome(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What a page may ask for.
+    """A request that a page may make.
 
     Attributes:
         perform: Carries it out, in a thread that may wait; raises WrongRequest.
@@ -63,7 +63,7 @@ def _call(driver: Driver, name: str, kind: str, /, **fields: Any) -> Any:
 
 
 def _told(response: Any) -> Outcome:
-    """ret or success, and message."""
+    """Return the outcome of a response that has ret or success, and message."""
     ok = response.ret == 1 if hasattr(response, "ret") else bool(response.success)
     return Outcome(ok, str(response.message))
 
@@ -71,7 +71,7 @@ def _told(response: Any) -> Outcome:
 # ---- fields of a page's request ----
 
 def number(args: Mapping[str, Any], name: str, default: Optional[float] = None) -> float:
-    """A finite number; raises WrongRequest."""
+    """Return a finite number; raise WrongRequest for anything else."""
     value = args.get(name, default)
     if value is None or type(value) not in (int, float) or not math.isfinite(value):
         raise WrongRequest("%s must be a number" % name)
@@ -79,7 +79,7 @@ def number(args: Mapping[str, Any], name: str, default: Optional[float] = None) 
 
 
 def whole(args: Mapping[str, Any], name: str, low: int = 0, high: int = 32767) -> int:
-    """A whole number within a range; raises WrongRequest."""
+    """Return a whole number within a range; raise WrongRequest for anything else."""
     value = args.get(name)
     if type(value) is not int or not low <= value <= high:
         raise WrongRequest("%s must be a whole number within %d to %d" % (name, low, high))
@@ -87,7 +87,7 @@ def whole(args: Mapping[str, Any], name: str, low: int = 0, high: int = 32767) -
 
 
 def flag(args: Mapping[str, Any], name: str) -> bool:
-    """True or false; raises WrongRequest."""
+    """Return true or false; raise WrongRequest for anything else."""
     value = args.get(name)
     if type(value) is not bool:
         raise WrongRequest("%s must be true or false" % name)
@@ -95,7 +95,7 @@ def flag(args: Mapping[str, Any], name: str) -> bool:
 
 
 def text(args: Mapping[str, Any], name: str, choices: Optional[Sequence[str]] = None) -> str:
-    """A text, one of the choices where there are some; raises WrongRequest."""
+    """Return a text, one of the choices where there are some; raise WrongRequest for anything else."""
     value = args.get(name)
     if not isinstance(value, str) or len(value) > _LONGEST_NAME or (choices is not None and value not in choices):
         raise WrongRequest("%s must be %s" % (name, "one of " + ", ".join(choices) if choices is not None
@@ -104,7 +104,7 @@ def text(args: Mapping[str, Any], name: str, choices: Optional[Sequence[str]] = 
 
 
 def numbers(args: Mapping[str, Any], name: str, count: int) -> List[float]:
-    """So many finite numbers; raises WrongRequest."""
+    """Return ``count`` finite numbers; raise WrongRequest for anything else."""
     values = args.get(name)
     if not isinstance(values, list) or len(values) != count:
         raise WrongRequest("%s must be %d numbers" % (name, count))
@@ -112,7 +112,7 @@ def numbers(args: Mapping[str, Any], name: str, count: int) -> List[float]:
 
 
 def _pose(args: Mapping[str, Any]) -> List[float]:
-    """x y z, mm, and a rotation vector, rad."""
+    """Return x y z, mm, and a rotation vector, rad."""
     return [1000.0 * value for value in numbers(args, "p", 3)] + numbers(args, "r", 3)
 
 
@@ -235,4 +235,4 @@ REQUESTS: Dict[str, Request] = {
     "ik": Request(_ik, needs_control=False), "program_load": Request(_program_load),
     "program_play": Request(_trigger("program/play")), "program_pause": Request(_trigger("program/pause")),
     "program_resume": Request(_trigger("program/resume")), "program_stop": Request(_trigger("program/stop"))}
-"""By the name that pages use."""
+"""Requests by the name that pages use."""

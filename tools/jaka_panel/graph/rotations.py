@@ -6,7 +6,7 @@ _TINY = 1e-12
 
 
 def vector_from_quaternion(x: float, y: float, z: float, w: float) -> List[float]:
-    """The rotation vector, at most pi long, of a quaternion of any length but 0."""
+    """Return the rotation vector, at most pi long, of a quaternion of any length but 0."""
     if w < 0.0:
         x, y, z, w = -x, -y, -z, -w
     sine = math.sqrt(x * x + y * y + z * z)
@@ -15,21 +15,21 @@ def vector_from_quaternion(x: float, y: float, z: float, w: float) -> List[float
 
 
 def quaternion_from_vector(vector: Sequence[float]) -> List[float]:
-    """The unit quaternion x y z w of a rotation vector."""
+    """Return the unit quaternion x y z w of a rotation vector."""
     angle = math.sqrt(sum(value * value for value in vector))
     scale = math.sin(0.5 * angle) / angle if angle > _TINY else 0.5
     return [scale * value for value in vector] + [math.cos(0.5 * angle)]
 
 
 def vector_from_rpy(rpy: Sequence[float]) -> List[float]:
-    """The rotation vector of roll, pitch and yaw."""
+    """Return the rotation vector of roll, pitch and yaw."""
     (sr, cr), (sp, cp), (sy, cy) = ((math.sin(0.5 * angle), math.cos(0.5 * angle)) for angle in rpy)
     return vector_from_quaternion(sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
                                   cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
 
 
 def rpy_from_vector(vector: Sequence[float]) -> List[float]:
-    """Roll, pitch and yaw of a rotation vector; where pitch is +-90 deg, roll is 0."""
+    """Return roll, pitch and yaw of a rotation vector; where pitch is +-90 deg, roll is 0."""
     x, y, z, w = quaternion_from_vector(vector)
     sine = max(-1.0, min(1.0, 2.0 * (w * y - x * z)))
     if abs(sine) > 1.0 - _TINY:

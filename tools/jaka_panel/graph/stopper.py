@@ -11,7 +11,7 @@ from std_srvs.srv import Empty
 rospy: Any = untyped_rospy
 _LOG = logging.getLogger(__name__)
 _SECOND_WAY_S = 0.3
-"""s; a stop without an answer for so long is sent on a connection of its own besides. To stop twice does no harm."""
+"""Time without an answer, s, after which a stop is sent on a second connection; to stop twice does no harm."""
 _GIVE_UP_S = 5.0
 _MOST_THREADS = 8
 
@@ -23,7 +23,7 @@ class Stopper:
     """Stops what a driver moves."""
 
     def __init__(self, node: str) -> None:
-        """node: name of the driver. The connection is made when the first stop is asked for, and kept."""
+        """Prepare stops of the driver ``node``; the connection is made at the first stop, and kept."""
         self._service = node + "/stop_move"
         self._asked: queue.Queue[Any] = queue.Queue()
         self._besides = 0

@@ -17,7 +17,7 @@ _CONNECT_S = 5.0
 
 
 def away_from_start(plan: Plan, joints: Optional[Sequence[float]]) -> Optional[str]:
-    """Why a plan cannot begin where the arm is, with the distance; None where it can."""
+    """Return why a plan cannot begin where the arm is, with the distance; None if it can."""
     if joints is None:
         return "the arm's joints are not known"
     if not plan.begins_here:

@@ -2,7 +2,7 @@
 
 access          who may ask: Host, Origin, headers, the token
 files           the page's own files, and those of the arms' meshes
-simulator_link  the simulated controller's own panel
+simulator_link  the simulated controller's operator port
 arm_desk        all that belongs to one arm
 hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop

@@ -1,4 +1,4 @@
-"""Who may ask. A page of another site, which a browser opens beside ours, must neither read nor move anything.
+"""The rules of who may ask: a page of another site, open in the same browser, must neither read nor move anything.
 
 Such a page can have the browser call this address (its Origin tells), or call its own name and let that name lead here
 (its Host tells: DNS rebinding). There are no cookies; the token is in a message, which only our own page can send.
@@ -34,7 +34,7 @@ class Access:
         self._token = settings.token
 
     def refusal(self, headers: Mapping[str, str], is_socket: bool, is_page: bool = False) -> Optional[str]:
-        """Why a request is refused, None where it is not.
+        """Return why a request is refused, None if it is not.
 
         Args:
             headers: Of the request, one value a name, whatever the case of the name.
@@ -67,7 +67,7 @@ class Access:
         return True
 
     def is_token(self, given: object) -> bool:
-        """Whether this is the token, in a time that tells nothing of it."""
+        """Return whether ``given`` is the token, in a time that reveals nothing of it."""
         return isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
 
 
@@ -81,5 +81,5 @@ def _name_of(url: str) -> Optional[str]:
 
 
 def sent_twice(request: web.Request, names: Sequence[str]) -> bool:
-    """Whether a header that decides stands there more than once."""
+    """Return whether one of these headers, which decide, occurs more than once."""
     return any(len(request.headers.getall(name, [])) > 1 for name in names)

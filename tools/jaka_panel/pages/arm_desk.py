@@ -10,7 +10,7 @@ from ..graph.jog_topics import JogTopics
 from ..graph.stopper import Stopper
 
 _LINGER_S = 10.0
-"""s; what comes 125 times a second is subscribed to for so long after the last page has gone."""
+"""Time, s, for which the 125 Hz topics stay subscribed after the last page has gone."""
 _TOLD_S = 0.5
 _PLOT_S = 0.12
 _LONGEST_PLOT = 100
@@ -51,7 +51,7 @@ class ArmDesk:
     # ---- in a thread that may wait ----
 
     def look(self, driver: Driver, is_watched: bool, now: float) -> None:
-        """The master was asked again; subscribe as pages watch, and read the description."""
+        """Update to what the master knows: subscribe as pages watch, and read the description."""
         self.driver = driver
         if is_watched:
             self.watched_at = now
@@ -84,11 +84,11 @@ class ArmDesk:
 
     @property
     def limits(self) -> Limits:
-        """Of the velocity jog."""
+        """The limits of the velocity jog."""
         return Limits(**self.driver.jog_limits)
 
     def place(self, now: float) -> Optional[Place]:
-        """Where the arm is, None while that is not fresh."""
+        """Return where the arm is, None if that is not fresh."""
         joints = self.feed.joints
         if joints is None or now - joints.at > STALE_S or not self.is_listed:
             return None
@@ -97,7 +97,7 @@ class ArmDesk:
                      else (tuple(tool["p"]), tuple(tool["r"])))
 
     def shown(self, now: float) -> Dict[str, Any]:
-        """As the message ``arms`` has it."""
+        """Return the arm as the message ``arms`` has it."""
         driver, about = self.driver, self._description
         return {
             "id": driver.node, "namespace": driver.namespace, "label": driver.node.strip("/"),
@@ -114,7 +114,7 @@ class ArmDesk:
             "description": None if about is None else about.fingerprint}
 
     def next_state(self, now: float, is_begin: bool = False) -> Optional[Dict[str, Any]]:
-        """The message ``state``, where there is something new to tell; ``is_begin``: in any case."""
+        """Return the message ``state`` if there is anything new in it; ``is_begin``: in any case."""
         joints = self.feed.joints
         sampled_at = -1e9 if joints is None else joints.at
         if not is_begin and sampled_at <= self._told_joints_at and now - self._told_at < _TOLD_S:
@@ -126,7 +126,7 @@ class ArmDesk:
         return state
 
     def next_plot(self, now: float) -> Optional[Dict[str, Any]]:
-        """The message ``plot``, a few times a second; reads what has come."""
+        """Return the message ``plot``, a few times a second; read what has come."""
         new = self.feed.read(now)
         if self._plot is None:
             self._plot = new
@@ -142,11 +142,11 @@ class ArmDesk:
         return {"t": "plot", "arm": self.driver.node, "now": round(now, 4), **plot}
 
     def named(self, messages: List[Dict[str, Any]]) -> List[Dict[str, Any]]:
-        """Messages of the feed with the arm's id."""
+        """Return messages of the feed with the arm's id added."""
         return [{**message, "arm": self.driver.node} for message in messages]
 
     def is_moving(self, now: float) -> bool:
-        """Whether the arm is in motion, as the driver last told; True where it does not tell."""
+        """Return whether the arm moves by the driver's last status; True without a fresh one."""
         status = self.feed.state(now)["status"]
         return status is None or status["in_motion"] is not False or status["age"] > STALE_S
 

@@ -1,4 +1,4 @@
-"""What a page may ask for beside jog and stop: services of the driver, plans, the simulated controller's own panel."""
+"""The commands of pages besides jog and stop: the driver's services, plans, the simulation's operator port."""
 import functools
 import threading
 import time
@@ -127,4 +127,4 @@ COMMANDS: Dict[str, Command] = {
     "jog_speed": Command(_jog_speed, needs_arm=False), "plan_points": Command(_plan_points),
     "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
     "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False)}
-"""By the name that pages use."""
+"""Commands by the name that pages use."""

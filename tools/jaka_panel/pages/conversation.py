@@ -1,4 +1,4 @@
-"""What is said between one page and this server, from hello to the end (docs/panel.md, "Protocol")."""
+"""The WebSocket session of one page, from hello to the end (docs/panel.md, "Protocol")."""
 import asyncio
 import json
 import math
@@ -24,7 +24,7 @@ Message = Dict[str, Any]
 
 
 class Conversation:
-    """With one page."""
+    """The WebSocket session of one page: handles its messages, sends answers."""
 
     def __init__(self, hub: Hub, access: Access, page: Session) -> None:
         self._hub, self._access, self._page = hub, access, page
@@ -35,7 +35,7 @@ class Conversation:
             "answer_control": self._answer_control, "release_control": self._release_control}
 
     async def hello(self, message: Message) -> bool:
-        """The first message; False where it is none."""
+        """Handle the first message; return False if it is no hello."""
         if message.get("t") != "hello" or message.get("v") != 1:
             return False
         page, given = self._page, message.get("token")
@@ -51,7 +51,7 @@ class Conversation:
         return True
 
     def take(self, message: Message) -> None:
-        """One message after hello."""
+        """Handle one message after hello."""
         part = self._parts.get(str(message.get("t")))
         if part is not None:
             part(message)
@@ -240,5 +240,5 @@ def _object(received: Any) -> Optional[Message]:
 
 
 def _number(value: Any) -> Optional[float]:
-    """A finite number as it is; None for anything else."""
+    """Return a finite number as it is; None for anything else."""
     return value if type(value) in (int, float) and math.isfinite(value) else None

@@ -18,12 +18,12 @@ class PageFile(NamedTuple):
 
     @property
     def is_text(self) -> bool:
-        """Whether it has a character set."""
+        """True if the file has a character set."""
         return self.kind.startswith("text/") or self.kind == "application/json"
 
 
 def page_file(name: str, root: Path = WEB) -> Optional[PageFile]:
-    """A file below ``root``, by its name with ``/``; None for folders, hidden files, links out of it, other kinds."""
+    """Return a file below ``root`` by its name with ``/``; None for folders, hidden files, links out, other kinds."""
     parts = name.split("/")
     if not all(parts) or any(part.startswith(".") or "\\" in part or "\0" in part for part in parts):
         return None

@@ -38,7 +38,7 @@ simulated controller on the same computer, would wait for it."""
 
 
 def behind_a_sample(due: float, heard_at: float) -> float:
-    """The first moment from ``due`` on that lies behind a sample, by when the newest was heard; monotonic time, s.
+    """Return the first time from ``due`` on that lies behind a sample, by when the newest was received; monotonic, s.
 
     ``due`` itself where the newest is too old to tell when the next ones come.
     """
@@ -48,7 +48,7 @@ def behind_a_sample(due: float, heard_at: float) -> float:
 
 
 class Hub:
-    """What all pages share. Everything but ``_look`` runs in the event loop.
+    """The state that all pages share. Everything but ``_look`` runs in the event loop.
 
     Attributes:
         settings: What the user has set.
@@ -115,12 +115,12 @@ class Hub:
     # ---- pages ----
 
     def next_page(self) -> str:
-        """An id that no page had before."""
+        """Return an id that no page had before."""
         self._count += 1
         return "p%d" % self._count
 
     def welcome(self, page: Session) -> Dict[str, Any]:
-        """A page has said hello; what it is told."""
+        """Register a page that has said hello; return its welcome."""
         self.pages[page.id] = page
         now = time.monotonic()
         return {"t": "welcome", "v": 1, "page": page.id, "may": "command" if page.may_command else "watch",
@@ -131,7 +131,7 @@ class Hub:
                 "control": self._control_for(page), "logs": self.logs.folder is not None, "arms": self._arms(now)}
 
     def leave(self, page: Session) -> None:
-        """A page has gone: what it holds ends, what it has set in motion is stopped."""
+        """Remove a page that has gone: end its hold, stop what it has set in motion."""
         if self.pages.pop(page.id, None) is None:
             return
         self._end_jog_of(page.id, "the page has gone")
@@ -149,18 +149,18 @@ class Hub:
                 await self.stop(arm)
 
     def tell(self, page: str, message: Dict[str, Any]) -> None:
-        """A message to one page; one that has gone is told nothing."""
+        """Send a message to one page; drop it if the page has gone."""
         if page in self.pages:
             self.pages[page].send(message)
 
     def tell_all(self, message: Dict[str, Any]) -> None:
-        """A message to all pages."""
+        """Send a message to all pages."""
         text = json.dumps(message)
         for page in list(self.pages.values()):
             page.send_text(text)
 
     def watch(self, page: Session) -> None:
-        """A page has said which arms it watches: it is told all that is known of them."""
+        """Send a page all that is known of the arms that it has begun to watch."""
         now = time.monotonic()
         for arm in page.watched:
             desk = self.arms.get(arm)
@@ -176,7 +176,7 @@ class Hub:
     # ---- control ----
 
     def take_control(self, page: Session) -> bool:
-        """A page wants control; False where the holder is asked first."""
+        """Request control for a page; return False if the holder is asked first."""
         before = self.control.holder
         taken = self.control.take(page.id, time.monotonic())
         if not taken or before != page.id:
@@ -184,7 +184,7 @@ class Hub:
         return taken
 
     def answer_control(self, page: Session, give: bool) -> None:
-        """The holder answers who had asked."""
+        """Answer the pending request for control, for its holder."""
         before, asker = self.control.holder, self.control.answer(page.id, give)
         if asker is not None:
             if not give:
@@ -192,13 +192,13 @@ class Hub:
             self._control_changed(before)
 
     def release_control(self, page: Session) -> None:
-        """A page gives control back."""
+        """Release a page's control."""
         before = self.control.holder
         if self.control.leave(page.id):
             self._control_changed(before)
 
     def _control_changed(self, before: Optional[str] = None) -> None:
-        """Tell all; where control has changed hands, what the other hand held ends first."""
+        """Notify all pages; where control has changed hands, first end what the previous holder held."""
         if before is None or self.control.holder != before:
             self._end_jog_of(None, "control lost")
             self.set_jog_fraction(min(FRACTION, self.settings.jog_fraction))
@@ -217,14 +217,14 @@ class Hub:
                     "page": asker.id, "name": asker.name, "until": round(asked.until, 3)}}
 
     def set_jog_fraction(self, fraction: float) -> None:
-        """The share of the driver's jog limits from now on."""
+        """Set the share of the driver's jog limits from now on."""
         self.jog.fraction = fraction
         self.tell_all({"t": "jog_speed", "fraction": fraction})
 
     # ---- jog and stop ----
 
     def heartbeat(self, page: Session, beat: Heartbeat, lateness: float) -> None:
-        """A heartbeat of the page that has control."""
+        """Handle a heartbeat of the page that has control."""
         now = time.monotonic()
         desk = self.arms[beat.arm]
         self.jog.heartbeat(page.id, beat, lateness, desk.place(now), desk.limits, now)
@@ -343,11 +343,11 @@ class Hub:
         return [desk.shown(now) for _, desk in sorted(self.arms.items())]
 
     def arms_now(self) -> List[Dict[str, Any]]:
-        """As the message ``arms`` has them."""
+        """Return the arms as the message ``arms`` has them."""
         return self._arms(time.monotonic())
 
     def _tell_arms(self) -> None:
-        """Tell all pages of the arms, where something has changed."""
+        """Send the arms to all pages if anything has changed."""
         text = json.dumps({"t": "arms", "arms": self.arms_now()})
         if text != self._told_arms:
             self._told_arms = text

@@ -123,7 +123,7 @@ class Server:
         return await converse(self._hub, self._access, request)
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
-        """A stop for a page whose WebSocket does not answer."""
+        """Stop an arm, or all, for a page whose WebSocket does not answer."""
         kind, _, token = request.headers.get("Authorization", "").partition(" ")
         if kind != "Bearer" or not self._access.is_token(token.strip()):
             return web.Response(status=401, text="a stop needs the token\n")

@@ -63,12 +63,12 @@ class Session:
         self._moved: Dict[str, float] = {}
 
     def call_it(self, name: object) -> None:
-        """Its name, as it says it: text of one line."""
+        """Set the page's name, as it gives it: text of one line."""
         if isinstance(name, str) and name.strip():
             self.name = "".join(letter if letter.isprintable() else " " for letter in name.strip())[:_LONGEST_NAME]
 
     def watch(self, arms: Set[str], plots: bool, rate: float) -> None:
-        """What it wants to be told of; rate: states a second of each arm."""
+        """Set what the page wants to receive; rate: states a second of each arm."""
         self.watched, self.plots, self._period = arms, plots, 1.0 / rate
         self._states.clear()
         self._state_at.clear()
@@ -76,11 +76,11 @@ class Session:
     # ---- out ----
 
     def send(self, message: Dict[str, Any]) -> None:
-        """Tell it something; in order, when it can take it."""
+        """Queue a message; messages are sent in order, as the page can take them."""
         self.send_text(json.dumps(message))
 
     def send_text(self, text: str) -> None:
-        """The same, as JSON already."""
+        """Queue a message that is JSON already."""
         if len(self._texts) >= _MOST_WAITING:
             self.is_too_slow = True
             return
@@ -88,7 +88,7 @@ class Session:
         self._has_more.set()
 
     def send_state(self, arm: str, text: str, now: float) -> None:
-        """A state; one that was not sent yet is replaced, so that a slow page is told the newest."""
+        """Queue a state in place of an unsent one, so that a slow page gets the newest."""
         if now - self._state_at.get(arm, -1e9) < self._period - _EARLY_S:
             return
         self._state_at[arm] = now
@@ -121,22 +121,22 @@ class Session:
     # ---- what it has set in motion ----
 
     def begins_motion(self, arm: str, now: float) -> None:
-        """It has asked for a motion."""
+        """Note that the page has requested a motion."""
         self._under_way[arm] = self._under_way.get(arm, 0) + 1
         self._moved[arm] = now
 
     def ends_motion(self, arm: str, now: float) -> None:
-        """The answer to that has come; the arm may still move."""
+        """Note that the request for a motion was answered; the arm may still move."""
         self._under_way[arm] = self._under_way.get(arm, 1) - 1
         self._moved[arm] = now
 
     def note_motion(self, arm: str, is_moving: bool, now: float) -> None:
-        """Whether an arm moves now."""
+        """Note whether an arm moves now."""
         if arm in self._moved and is_moving:
             self._moved[arm] = now
 
     def motions(self) -> List[str]:
-        """Arms that move because of it, as far as is known."""
+        """Return the arms that move because of the page, as far as is known."""
         return list(self._moved)
 
     def look_at_motions(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The simulated controller's own panel (docs/simulation.md, "The operator port"): what a person there can do."""
+"""The simulated controller's operator port (docs/simulation.md, "The operator port"): what a person there can do."""
 import asyncio
 import json
 from typing import Any, Dict, Mapping
@@ -14,7 +14,7 @@ ACTIONS = READING + (
 
 
 async def ask(port: int, request: Mapping[str, Any]) -> Dict[str, Any]:
-    """The answer to one request, ``{"ok": ...}``; where nobody answers it says so as well."""
+    """Send one request; return the answer, ``{"ok": ...}``, which is not ok where nobody answers."""
     try:
         return await asyncio.wait_for(_ask(port, request), TIMEOUT_S)
     except (OSError, ValueError, asyncio.TimeoutError) as error:

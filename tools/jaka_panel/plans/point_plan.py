@@ -32,7 +32,7 @@ class Plan(NamedTuple):
     begins_here: bool
 
     def shown(self, name: str) -> Dict[str, Any]:
-        """As a page gets it, with at most ``SHOWN`` joint vectors of its path."""
+        """Return the plan for a page, with at most ``SHOWN`` joint vectors of its path."""
         places = self._places()
         return {"plan": name, "duration": round(self.time[-1], 3), "start": list(self.position[0]),
                 "end": list(self.position[-1]), "t": [round(at, 4) for at, _ in places],
@@ -53,7 +53,7 @@ class Plan(NamedTuple):
         return places
 
     def _between(self, n: int, at: float) -> Sequence[float]:
-        """Joints between point n and the next: a line, or a cubic where there are velocities."""
+        """Interpolate the joints between point n and the next: a line, or a cubic where there are velocities."""
         span = self.time[n + 1] - self.time[n]
         u = min(1.0, max(0.0, (at - self.time[n]) / span))
         a, b = self.position[n], self.position[n + 1]
@@ -66,7 +66,7 @@ class Plan(NamedTuple):
 
 
 def plan_of_points(points: Any, limits: Optional[Sequence[Mapping[str, Any]]]) -> Plan:
-    """The plan of points ``{"t": s, "q": [6], "v": [6]}``, v in all but for the ends or in none; raises WrongPlan.
+    """Return the plan of points ``{"t": s, "q": [6], "v": [6]}``, v in all but the ends or in none; raise WrongPlan.
 
     Args:
         points: Of a page.

@@ -32,7 +32,7 @@ class Shelf:
         return name
 
     def get(self, arm: str, name: Any) -> Plan:
-        """A plan of this arm; raises WrongPlan where it is not there any more."""
+        """Return a plan of this arm; raise WrongPlan if it is not there any more."""
         found = self._plans.get(name) if isinstance(name, str) else None
         if found is None or found[0] != arm:
             raise WrongPlan("no such plan: plan it anew")
@@ -58,7 +58,7 @@ class LogFolder:
         return sorted(found, key=lambda log: (-float(str(log["wall"])), str(log["file"])))[:_MOST_LOGS]
 
     def plan(self, name: Any, factor: float, urdf: str) -> Plan:
-        """The plan of a log by its name; waits for a program. Raises WrongPlan, OSError."""
+        """Plan a log by its name, in a process that is waited for; raise WrongPlan, OSError."""
         if self.folder is None or name not in [entry["file"] for entry in self.entries()]:
             raise WrongPlan("no such log")
         try:

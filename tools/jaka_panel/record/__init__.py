@@ -1,4 +1,4 @@
-"""What is kept to be shown to a page that comes later. Pure: no socket, thread or clock.
+"""The records that are kept for pages that come later. Pure: no socket, thread or clock.
 
 history  curves of the joints, with minimum and maximum where they are shortened
 alarms   alarms and notes in the order of time

@@ -20,11 +20,11 @@ class AlarmBook:
         self._event: Optional[Dict[str, Any]] = None
 
     def all(self) -> List[Dict[str, Any]]:
-        """Oldest first."""
+        """Return all entries, oldest first."""
         return list(self._alarms)
 
     def event(self, wall: float, number: int, text: str, is_alarm: bool) -> List[Dict[str, Any]]:
-        """The controller's present event; 0: none.
+        """Update the controller's present event, 0 for none; return the entries that have changed.
 
         Args:
             wall: Seconds since the epoch.
@@ -49,7 +49,7 @@ class AlarmBook:
         return changed
 
     def note(self, wall: float, level: str, text: str, source: str) -> List[Dict[str, Any]]:
-        """Something happened, of one of ``LEVELS``; what repeats the newest one within 5 s is left out."""
+        """Add a note of one of ``LEVELS``, unless it repeats the newest one within 5 s; return the entries added."""
         newest = self._alarms[-1] if self._alarms else None
         if newest is not None and (newest["text"], newest["source"]) == (text[:_LONGEST], source) and (
                 wall - newest["wall"] < _REPEAT_S):
@@ -69,6 +69,6 @@ def _code(number: int) -> str:
 
 
 def event_of(text: str) -> Tuple[int, str]:
-    """Number and text of what /diagnostics calls ``event``, as "0x10F0005 drives disabled"; (0, "") for none."""
+    """Parse what /diagnostics call ``event``, as "0x10F0005 drives disabled", to number and text; (0, "") for none."""
     found = _EVENT.match(text.strip())
     return (int(found.group(1), 16), found.group(2).strip()) if found else (_NO_EVENT, "")

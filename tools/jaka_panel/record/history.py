@@ -30,7 +30,7 @@ class History:
         self._next = (at + 1) % len(self._time)
 
     def shortened(self, kind: str, begin: float, end: float, buckets: int) -> Dict[str, Any]:
-        """Minimum and maximum of each joint in so many equal parts of a time, as JSON has it.
+        """Return minimum and maximum of each joint in so many equal parts of a time, as JSON has it.
 
         Args:
             kind: One of ``KINDS``.
@@ -70,7 +70,7 @@ class Differences:
         self._samples: List[Tuple[float, Sequence[float]]] = []
 
     def of(self, time: float, position: Sequence[float]) -> Optional[List[float]]:
-        """The speeds at a new sample; None for the first one and after a pause."""
+        """Return the speeds at a new sample; None for the first one and after a pause."""
         samples = self._samples
         if samples and not 0.0 < time - samples[-1][0] < 0.5:
             samples.clear()

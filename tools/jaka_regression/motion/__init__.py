@@ -1,4 +1,4 @@
-"""What an arm did in a log, as a trajectory that does it again.
+"""The motion of an arm in a log, as a trajectory that repeats it.
 
 The shelf, from the ground up; a module imports only from those above it in this list:
 

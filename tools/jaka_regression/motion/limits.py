@@ -1,4 +1,4 @@
-"""What an arm can do, from its URDF: the driver's ``robot_description``, running or in the log, or a file."""
+"""The limits of an arm from its URDF: the driver's ``robot_description``, running or in the log, or a file."""
 import json
 import math
 from typing import Any, List, NamedTuple, Optional, Sequence
@@ -23,7 +23,7 @@ class UnknownLimits(BagError):
 
 
 class ArmLimits(NamedTuple):
-    """What the joints of an arm can do.
+    """The limits of an arm's joints.
 
     Attributes:
         model: Name of the arm, as the URDF has it.
@@ -41,7 +41,7 @@ class ArmLimits(NamedTuple):
 
 
 def limits_from_urdf(text: str, names: Sequence[str]) -> ArmLimits:
-    """The limits of joints, by their names without a prefix; those of the URDF may have one.
+    """Read the limits of joints, by their names without a prefix; those of the URDF may have one.
 
     A URDF has no accelerations: the driver's bound stands for them. Nor does a joint get more speed than the driver
     allows.
@@ -84,7 +84,7 @@ def _numbers(name: str, limit: Optional[ElementTree.Element]) -> List[float]:
 
 
 def same_model(one: str, other: str) -> bool:
-    """Whether two names mean the same arm; case, blanks, ``-``, ``_`` and the maker's name do not count."""
+    """Return whether two names mean the same arm; case, blanks, ``-``, ``_`` and the maker's name do not count."""
     def plain(name: str) -> str:
         word = "".join(letter for letter in name.lower() if letter.isalnum())
         return word[len(_MAKER):] if word.startswith(_MAKER) else word

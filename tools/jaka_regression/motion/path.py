@@ -17,20 +17,20 @@ from .limits import ArmLimits
 from .recorded import Recording
 
 STEP_S = 0.008
-"""s; of the grid: the period of the driver's topics."""
+"""Step of the grid, s: the period of the driver's topics."""
 REST_S = 0.25
-"""s; of standstill that is kept at each end, in which the way is begun and ended."""
+"""Standstill, s, that is kept at each end, in which the path is begun and ended."""
 CUTOFFS_HZ = (3.0, 16.0)
 """Lowest and highest cut-off. What people do by hand has less than 10 Hz; what an arm does has sharper corners."""
 NOISE_ACCELERATION = 0.3
-"""rad/s2; so much of acceleration may the noise cause, as a standard deviation."""
+"""Acceleration that the noise may cause, as a standard deviation, rad/s2."""
 LARGEST_DEVIATION = 0.02
-"""rad; a way that is so far from a sample is not what the arm did."""
+"""Distance from a sample, rad, from which on a path is not what the arm did."""
 _STILL_SPEED = 3e-3
-"""rad/s; slower is standstill."""
+"""Speed below which an arm stands still, rad/s."""
 _STILL_NOISE = 6.0
 _BEYOND_RAD = 0.005
-"""rad; an arm that was led onto a soft limit is measured so far beyond it."""
+"""Distance beyond a soft limit, rad, at which an arm that was led onto it may be measured."""
 _INSIDE_RAD = 1e-3
 _CREEP_RAD = 0.002
 _SLOPE_S = 0.05
@@ -55,18 +55,18 @@ class SmoothPath:
 
     @property
     def duration(self) -> float:
-        """As recorded, s."""
+        """The recorded duration, s."""
         return self.step * (len(self.position) - 1)
 
     def at(self, places: Array) -> Tuple[Array, Array, Array]:
-        """Position, and its first two derivatives along the recorded time, at times of it, s (k,): (k, 6) each."""
+        """Return position and its first two derivatives along recorded time, at times of it, s (k,): (k, 6) each."""
         inside = np.clip(np.asarray(places, float), 0.0, self.duration)
         index = np.minimum((inside / self.step).astype(np.int64), len(self.position) - 2)
         return evaluated(self._coefficients[index], inside - index * self.step)
 
 
 def quintics(durations: Array, position: Array, velocity: Array, acceleration: Array) -> Array:
-    """Polynomials of degree five between points, over the time from each: (n - 1, 6 terms, joints)."""
+    """Compute polynomials of degree five between points, over the time from each: (n - 1, 6 terms, joints)."""
     t = durations[:, None]
     p, v, a = position[:-1], velocity[:-1], acceleration[:-1]
     way = position[1:] - p - v * t - 0.5 * a * t * t
@@ -79,7 +79,7 @@ def quintics(durations: Array, position: Array, velocity: Array, acceleration: A
 
 
 def evaluated(coefficients: Array, times: Array) -> Tuple[Array, Array, Array]:
-    """Values of polynomials (k, 6, joints) and their first two derivatives, each at its own time, s (k,)."""
+    """Evaluate polynomials (k, 6, joints) and their first two derivatives, each at its own time, s (k,)."""
     powers = times[:, None] ** np.arange(_TERMS)
     numbers = np.arange(_TERMS, dtype=float)
     first = np.zeros_like(powers)
@@ -92,7 +92,7 @@ def evaluated(coefficients: Array, times: Array) -> Tuple[Array, Array, Array]:
 
 
 class Smoothed(NamedTuple):
-    """What became of a recording.
+    """A recording as a smooth path.
 
     Attributes:
         path: The way.
@@ -117,7 +117,7 @@ class Smoothed(NamedTuple):
 
 def smooth(recording: Recording, limits: Optional[ArmLimits] = None, longest_pause: Optional[float] = None,
            rest: float = REST_S) -> Smoothed:
-    """A smooth way through the samples of a recording, without the standstill at its ends.
+    """Smooth the samples of a recording to a path, without the standstill at its ends.
 
     Args:
         recording: The samples.
@@ -166,7 +166,7 @@ def smooth(recording: Recording, limits: Optional[ArmLimits] = None, longest_pau
 
 
 def _resampled(recording: Recording, grid: Array) -> Array:
-    """The samples at the times of the grid; a short silence is bridged by a cubic, a long one is a standstill."""
+    """Interpolate the samples to the grid; a short silence is bridged by a cubic, a long one is a standstill."""
     time, position = recording.time, recording.position
     values = np.stack([np.interp(grid, time, position[:, joint]) for joint in range(position.shape[1])], axis=1)
     for at in np.flatnonzero(np.diff(time) > 3.0 * max(recording.interval, STEP_S)).tolist():
@@ -177,7 +177,7 @@ def _resampled(recording: Recording, grid: Array) -> Array:
 
 
 def _slope(time: Array, position: Array, at: int, side: int) -> Array:
-    """Speed on one side of a silence, rad/s (6,), by a straight line through the samples there."""
+    """Estimate the speed on one side of a silence, rad/s (6,), by a straight line through the samples there."""
     near = np.abs(time - time[at]) <= _SLOPE_S
     part = slice(0, at + 1) if side < 0 else slice(at, None)
     times, values = time[part][near[part]], position[part][near[part]]
@@ -200,7 +200,7 @@ def _bridge(times: Array, ends: Array, values: Array, slopes: Tuple[Array, Array
 
 
 def _on_limits(values: Array, limits: Optional[ArmLimits]) -> Array:
-    """Samples beyond a limit by less than a measurement's error are put just inside; others stay, for the audit."""
+    """Move samples beyond a limit by less than a measurement's error just inside; leave others, for the audit."""
     if limits is None:
         return values
     near = (values >= limits.low - _BEYOND_RAD) & (values <= limits.high + _BEYOND_RAD)
@@ -208,13 +208,13 @@ def _on_limits(values: Array, limits: Optional[ArmLimits]) -> Array:
 
 
 def _noise_of(position: Array) -> float:
-    """Standard deviation of the noise of the worst joint, rad, from what changes from sample to sample."""
+    """Estimate the standard deviation of the worst joint's noise, rad, from what changes from sample to sample."""
     third = np.abs(np.diff(position, 3, axis=0))
     return float((np.percentile(third, 90.0, axis=0) / (1.645 * math.sqrt(20.0))).max())
 
 
 def _cutoff(noise: float, interval: float) -> float:
-    """The highest cut-off, Hz, with which the noise causes no more than ``NOISE_ACCELERATION``."""
+    """Return the highest cut-off, Hz, with which the noise causes no more than ``NOISE_ACCELERATION``."""
     low, high = CUTOFFS_HZ
     high = min(high, 0.25 / interval)
     if noise > 0.0:
@@ -224,7 +224,7 @@ def _cutoff(noise: float, interval: float) -> float:
 
 
 def _moving(raw: Array, noise: float, cutoff: float, interval: float) -> Array:
-    """Where the arm moves, bool (n,)."""
+    """Return where the arm moves, bool (n,)."""
     angular = 2.0 * math.pi * cutoff
     speed_noise = noise * math.sqrt(interval * angular ** 3 / (3.0 * math.pi))
     speed = np.abs(_filtered(raw, cutoff)[1]).max(axis=1)
@@ -233,7 +233,7 @@ def _moving(raw: Array, noise: float, cutoff: float, interval: float) -> Array:
 
 
 def _cut_pauses(raw: Array, moving: Array, keep: Array, longest: float) -> int:
-    """Takes the middle of each long standstill out of ``keep``; how many points that are."""
+    """Remove the middle of each long standstill from ``keep``; return how many points that are."""
     kept = int(math.ceil(max(longest, 2.0 * REST_S) / STEP_S))
     edges = np.flatnonzero(np.diff(moving.astype(np.int8)))
     cut = 0
@@ -249,7 +249,7 @@ def _cut_pauses(raw: Array, moving: Array, keep: Array, longest: float) -> int:
 
 
 def _from_rest(recorded: Array, margin: int) -> Array:
-    """The same with ends that are still: the mean of the standstill there, led over to the samples."""
+    """Return the samples with ends at rest: the mean of the standstill there, faded over to the samples."""
     result = recorded.copy()
     half = max(2, margin // 2)
     weight = (0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, half)))[:, None]
@@ -260,10 +260,10 @@ def _from_rest(recorded: Array, margin: int) -> Array:
 
 
 def _calm(values: Array, cutoff: float, limits: Optional[ArmLimits]) -> Tuple[float, Tuple[Any, Any, Any]]:
-    """The filtered values, and the cut-off that was used.
+    """Filter the values; return the cut-off that was used, and the filtered values with their derivatives.
 
-    It is lowered where the arm could not follow: mostly samples that came late are the reason, and a way that passes
-    them a little beside is better than one that has to be gone slowly.
+    The cut-off is lowered where the arm could not follow: mostly samples that came late are the reason, and a path that
+    passes them a little beside is better than one that has to be followed slowly.
     """
     result = _filtered(values, cutoff)
     while limits is not None and cutoff > _CALMEST_HZ and (np.abs(result[2]) > limits.acceleration).any():
@@ -275,7 +275,7 @@ def _calm(values: Array, cutoff: float, limits: Optional[ArmLimits]) -> Tuple[fl
 
 
 def _filtered(values: Array, cutoff: float) -> Tuple[Any, Any, Any]:
-    """Low-passed positions, and their first two derivatives; the ends are taken to go on as a mirror shows them."""
+    """Filter positions, mirrored at their ends, by a low-pass; return them and their first two derivatives."""
     mirrored = np.concatenate((values, values[::-1]))
     count = len(mirrored)
     frequency = np.fft.rfftfreq(count, STEP_S)[:, None]

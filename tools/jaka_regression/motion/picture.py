@@ -51,7 +51,7 @@ def draw_plan(plan: MotionPlan, target: PathLike, overwrite: bool = False) -> No
 
 
 def _diagrams(plan: MotionPlan) -> Iterator[Tuple[str, str, List[Tuple[str, str, Array, Array]]]]:
-    """Title, unit, and curves (label, style, time in s, values) of each diagram."""
+    """Iterate over the diagrams: title, unit, and curves (label, style, time in s, values) of each."""
     recorded_at = plan.smoothed.path.step * np.arange(len(plan.smoothed.recorded)) / plan.factor
     for joint, name in enumerate(plan.recording.names):
         yield name, "rad", [

@@ -14,7 +14,7 @@ from .time_law import TICK_S, TimeLaw, find_solver, rest_for, time_law
 SPACING_TICKS = 5
 """A point each 20 ms: what a low-pass of 16 Hz leaves is the same between them."""
 MOST_POINTS = 100000
-"""Of the driver, for one trajectory (docs/trajectories.md)."""
+"""Largest number of points that the driver takes for one trajectory (docs/trajectories.md)."""
 _SHARE = 0.98
 _ROUNDS = 12
 _SAMPLES = 8
@@ -57,17 +57,17 @@ class MotionPlan(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """s."""
+        """The duration of the trajectory, s."""
         return float(self.time[-1])
 
     @property
     def start(self) -> Tuple[float, ...]:
-        """Where the arm must be, rad (6,)."""
+        """The joints at which the arm must begin, rad (6,)."""
         return tuple(self.position[0].tolist())
 
     @property
     def notes(self) -> List[str]:
-        """What a user should know before the arm moves."""
+        """The notes that a user should read before the arm moves."""
         notes = list(self.smoothed.notes)
         if self.slowest < _NOTABLE:
             notes.append("the recorded motion is too fast for the arm at %g times its speed: slowed down to %.0f %% of "
@@ -78,7 +78,7 @@ class MotionPlan(NamedTuple):
         return notes
 
     def document(self) -> Dict[str, object]:
-        """The facts, for JSON."""
+        """Return the facts of the plan, for JSON."""
         before, inside, behind = self.smoothed.cut
         return {"log": self.recording.path, "topic": self.recording.topic, "model": self.limits.model,
                 "solver": self.solver, "speed": self.factor, "points": len(self.time), "duration_s": self.duration,
@@ -92,7 +92,7 @@ class MotionPlan(NamedTuple):
 
 def plan_motion(recording: Recording, limits: ArmLimits, factor: float = 1.0, longest_pause: Optional[float] = None,
                 solver: Optional[str] = None) -> MotionPlan:
-    """A trajectory that does what was recorded, at a factor of its speed, and slower where the arm could not.
+    """Plan a trajectory that repeats a recording, at a factor of its speed, and slower where the arm could not follow.
 
     Args:
         recording: The joints.
@@ -150,7 +150,7 @@ def _sampled(recording: Recording, smoothed: Smoothed, limits: ArmLimits, solver
 
 
 def _slowest(law: TimeLaw, smoothed: Smoothed, factor: float) -> Tuple[float, float]:
-    """The smallest share of the speed asked for, beside the rest at both ends; and when that was recorded, s."""
+    """Return the smallest share of the speed asked for, beside the rest at both ends; and when that was recorded, s."""
     rest, total = rest_for(factor), smoothed.path.duration
     inside = np.flatnonzero((law.place >= rest) & (law.place <= total - rest))
     if not len(inside):
@@ -161,7 +161,7 @@ def _slowest(law: TimeLaw, smoothed: Smoothed, factor: float) -> Tuple[float, fl
 
 
 def _excess(plan: MotionPlan) -> float:
-    """The audit: how far, as a factor, speed or acceleration exceed the limits anywhere; 1 and less is within them.
+    """Return by which factor speed or acceleration exceed the limits anywhere; 1 and less is within them.
 
     Between the points the driver goes along polynomials of degree five (docs/trajectories.md).
     """

@@ -10,25 +10,25 @@ from jaka_bag.messages.batch import Array
 from jaka_bag.units import NS_PER_S
 
 LONGEST_GAP_S = 0.2
-"""s; a silence of this length is bridged. What an arm does in a longer one is not known."""
+"""Longest silence that is bridged, s; what an arm does in a longer one is not known."""
 _GAP_INTERVALS = 3.0
 """A feed that is slow throughout has no gaps: so many of its median intervals are none."""
 _FEWEST = 10
 _STILL_RAD = 0.005
-"""rad; an arm that is so near after a silence is taken to have stood still meanwhile."""
+"""Distance over a silence, rad, up to which an arm is taken to have stood still meanwhile."""
 _EVEN_SHARE = 0.98
 _LONGEST_HOLD_S = 0.5
-"""s; samples that would have been held up for longer were measured at another rate than most of the log."""
+"""Longest time, s, that samples can be held up; later ones were measured at another rate than most of the log."""
 _WINDOW = 1000
 _PERIODS = 1.0 + np.linspace(-0.03, 0.03, 401)
 _PUNCTUAL_TURN = 0.25
-"""Of a period."""
+"""Share of a period by which a sample may be late and still counts as measured at a whole period."""
 _CONCENTRATION = 0.3
 """Length of the mean of all phases as unit vectors: 1 where all samples came at whole periods, 0 where at any time."""
 _LONGEST_HOLE_S = 0.1
 _JUMP_RAD = 0.05
 _JUMP_S = 0.05
-"""s; stamps tell when a sample arrived, which a busy host delays."""
+"""Allowance for jumps, s: stamps give the time of arrival, which a busy host delays."""
 
 
 class Recording(NamedTuple):
@@ -62,7 +62,7 @@ class Recording(NamedTuple):
 
 def recorded_joints(run: Run, topic: Optional[str] = None, start_ns: Optional[int] = None,
                     end_ns: Optional[int] = None, longest_gap: float = LONGEST_GAP_S) -> Recording:
-    """The joint positions of a log that are to be replayed.
+    """Return the joint positions of a log that are to be replayed.
 
     Args:
         run: The log.
@@ -117,7 +117,7 @@ def _topic_of(run: Run, topic: Optional[str]) -> str:
 
 
 def _columns(run: Run, track: LongTrack) -> List[int]:
-    """For each joint of an arm its column; joints may come in any order, with a prefix."""
+    """Return the column of each joint of an arm; joints may come in any order, with a prefix."""
     found = [[column for column, name in enumerate(track.names) if name.endswith(joint)] for joint in JOINTS]
     if [len(columns) for columns in found] != [1] * len(JOINTS) or len(track.names) != len(JOINTS):
         raise BagError("%s: the joints on %s are %s; those of an arm are %s" % (
@@ -126,7 +126,7 @@ def _columns(run: Run, track: LongTrack) -> List[int]:
 
 
 def _without_bursts(time: Array, interval: float) -> Array:
-    """When the samples were measured, s, from when they arrived.
+    """Estimate from their times of arrival, s, when the samples were measured.
 
     A computer or network that holds them up lets them through in a burst, in which the arm would seem to leap. But the
     controller measures evenly: a sample is a period older than the next one, at least.
@@ -137,7 +137,7 @@ def _without_bursts(time: Array, interval: float) -> Array:
 
 
 def _punctual(time: Array, interval: float) -> Tuple[Array, Array]:
-    """When the samples were measured, s (n,), and which of them to use, bool (n,): others came too late to tell.
+    """Estimate when the samples were measured, s (n,), and which of them to use, bool (n,): others came too late.
 
     Where the arm moves, a sample that is 10 ms late is as good as a position that is wrong by as much as it went
     meanwhile. The controller measures at whole periods, so samples that came near to one were measured there. Period

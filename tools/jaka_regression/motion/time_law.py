@@ -1,4 +1,4 @@
-"""How fast a way is gone: as recorded, times a factor, and slower where the arm could not.
+"""The speed along a path: as recorded, times a factor, and slower where the arm could not follow.
 
 With toppra only the stretches that are too fast are slowed down; with ruckig alone the whole way is, to what its
 fastest moment needs. The way itself is the same with both.
@@ -17,17 +17,17 @@ from .limits import ArmLimits
 from .path import REST_S, SmoothPath
 
 TICK_S = 0.004
-"""s; in which the rate is given."""
+"""Step at which the rate is given, s."""
 SOLVERS = ("toppra", "ruckig")
 _RATE_CHANGE_S = 0.125
-"""s; in which the rate goes from nothing to the whole."""
+"""Time in which the rate goes from nothing to the whole, s."""
 _GRID_STEPS = 2
 _SOFTENING = 12
 """Ticks, on both sides, over which a change of the rate is spread."""
 
 
 class TimeLaw(NamedTuple):
-    """Where on its way the arm is, at even times.
+    """The place of the arm on its path, at even times.
 
     Attributes:
         place: Recorded time, s (n,), from 0 to the whole.
@@ -41,12 +41,12 @@ class TimeLaw(NamedTuple):
 
 
 def rest_for(factor: float) -> float:
-    """So much standstill, in recorded s, the ends of a way need for this factor of the recorded speed."""
+    """Return the standstill, recorded s, that the ends of a path need for this factor of the recorded speed."""
     return REST_S * max(1.0, factor)
 
 
 def find_solver(name: Optional[str] = None) -> str:
-    """The package that is used: the named one, else the first of ``SOLVERS`` that is installed.
+    """Return the package that is used: the named one, else the first of ``SOLVERS`` that is installed.
 
     Raises:
         MissingDependency: It is not installed, or none is.
@@ -63,7 +63,7 @@ def find_solver(name: Optional[str] = None) -> str:
 
 
 def time_law(path: SmoothPath, limits: ArmLimits, factor: float, solver: str) -> TimeLaw:
-    """The law that comes nearest to the recorded speed times a factor, within the limits.
+    """Compute the law that comes nearest to the recorded speed times a factor, within the limits.
 
     Args:
         path: The way.
@@ -83,7 +83,7 @@ def time_law(path: SmoothPath, limits: ArmLimits, factor: float, solver: str) ->
 
 
 def _rates_by_toppra(path: SmoothPath, limits: ArmLimits, factor: float) -> Array:
-    """The recorded time is one joint more, whose speed is at most the factor: toppra goes as fast as all joints can."""
+    """Solve by toppra: the recorded time is one joint more, whose speed is at most the factor."""
     toppra: Any = importlib.import_module("toppra")
     constraint: Any = importlib.import_module("toppra.constraint")
     algorithm: Any = importlib.import_module("toppra.algorithm")
@@ -122,7 +122,7 @@ def _rates_by_toppra(path: SmoothPath, limits: ArmLimits, factor: float) -> Arra
 
 
 def _rates_by_ruckig(path: SmoothPath, limits: ArmLimits, factor: float) -> Array:
-    """One rate for the whole way, which ruckig builds up and takes away with limited acceleration and jerk."""
+    """Solve by ruckig: one rate for the whole path, built up and taken away with limited acceleration and jerk."""
     ruckig: Any = importlib.import_module("ruckig")
     rate = min(factor, float((limits.speed / np.maximum(np.abs(path.velocity).max(axis=0), 1e-9)).min()),
                math.sqrt(float((limits.acceleration / np.maximum(np.abs(path.acceleration).max(axis=0), 1e-9)).min())))

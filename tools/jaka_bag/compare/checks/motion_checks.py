@@ -162,7 +162,7 @@ class _Aligned:
 
 
 class _Judge:
-    """Judges distances, in ``unit`` / ``factor``, that may be larger than the limit by what stops allow."""
+    """The judge of distances, in ``unit`` / ``factor``, that may exceed the limit by what stops allow."""
 
     def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
                  names: Sequence[str], floor: float, factor: float = 1.0) -> None:
