@@ -13,18 +13,6 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("jaka_ros_driver", "tools", "test", "docs", "cmake")
-TO_COME = (
-    "tools/jaka_bag",
-    "tools/jaka_blackbox",
-    "tools/jaka_foxglove",
-    "tools/jaka_panel",
-    "tools/jaka_fleet",
-    "tools/jaka_regression",
-    "tools/debian",
-    "tools/docs",
-    "test",
-)
-"""Rooms whose docstrings are still to be put into this form; a room that has none wrong must leave this list."""
 BANNED = frozenset(
     "As At By How It Of That What When Where Whether Which Who Whose Why With "
     "After Before Behind Between For From If In On So To Within Without Its Their They This These Those "
@@ -188,13 +176,8 @@ def class_names() -> Dict[str, List[str]]:
 
 
 def test_docstrings_have_their_form():
-    wrong = ["%s %s" % (finding.place, finding.reason) for finding in findings() if finding.room not in TO_COME]
+    wrong = ["%s %s" % (finding.place, finding.reason) for finding in findings()]
     assert not wrong, "\n".join(wrong)
-
-
-def test_no_room_to_come_is_done():
-    done = set(TO_COME) - {finding.room for finding in findings()}
-    assert not done, "these rooms have no wrong docstring any more: take them out of TO_COME: %s" % sorted(done)
 
 
 def test_wrong_docstrings_are_seen():

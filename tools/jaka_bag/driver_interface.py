@@ -1,4 +1,4 @@
-"""What the log tools know of JAKA drivers: types and numbers in their topics, and what they ask of no joint."""
+"""The log tools' constants of JAKA drivers: types and numbers in their topics, and ceilings for joints."""
 import enum
 import math
 
@@ -20,6 +20,8 @@ class MotionState(enum.IntEnum):
 JOINTS = tuple("joint_%d" % number for number in range(1, 7))
 """Names of an arm's joints, the base's first (docs/interface.md); some topics have a prefix before them."""
 JOINT_SPEED_CEILING = math.pi
-"""rad/s; the driver lets no joint of any model go faster (docs/controller-protocol.md sections 5.2 and 5.6.5)."""
+"""Joint speed, rad/s, that the driver lets no joint of any model exceed (docs/controller-protocol.md sections 5.2 and
+5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s2; likewise (docs/controller-protocol.md section 5.2)."""
+"""Joint acceleration, rad/s2, that the driver lets no joint of any model exceed (docs/controller-protocol.md section
+5.2)."""

@@ -1,4 +1,4 @@
-"""What can go wrong with a log or a ROS graph; every one prints as one line."""
+"""The errors of logs and ROS graphs; each prints as one line."""
 
 
 class JakaBagError(Exception):

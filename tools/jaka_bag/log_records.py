@@ -1,7 +1,7 @@
 """Names of the metadata records that recorders leave in a log."""
 
 RECORDING = "jaka_bag.recording"
-"""Who recorded where and when."""
+"""Metadata record about the recording: recorder, host and time."""
 DROPS = "jaka_bag.drops"
 """The account of what was lost: topic to JSON."""
 TRIGGER = "jaka_bag.trigger"

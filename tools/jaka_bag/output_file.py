@@ -116,7 +116,7 @@ class OutputFile:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a program that still runs writes this working file: it holds a lock then (``OutputFile``)."""
+    """Return whether a running program writes this working file: it holds a lock then (``OutputFile``)."""
     try:
         with open(str(path), "rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

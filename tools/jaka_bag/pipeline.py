@@ -11,7 +11,7 @@ WORKERS = 2
 
 
 def in_order(work: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> Iterator[Result]:
-    """The result of ``work`` for each item, in the order of the items; its exceptions are raised here.
+    """Return the result of ``work`` for each item, in the order of the items; its exceptions are raised here.
 
     Args:
         work: Thread-safe.

@@ -15,10 +15,10 @@ def ms_to_s(value: float) -> float:
 
 
 def m_to_mm(value: float) -> float:
-    """Length: m to mm."""
+    """Convert a length from m to mm."""
     return value * 1000.0
 
 
 def mm_to_m(value: float) -> float:
-    """Length: mm to m."""
+    """Convert a length from mm to m."""
     return value / 1000.0

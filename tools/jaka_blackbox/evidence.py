@@ -1,4 +1,4 @@
-"""What a file of the black box needs besides its messages, for whoever reads it years later.
+"""The evidence that a file of the black box holds besides its messages, for whoever reads it years later.
 
 Parameters are asked for again and again while all is well: at a trigger the master may be gone, and at the start of the
 black box the driver may not have set any yet.
@@ -37,7 +37,7 @@ class _Timex(ctypes.Structure):
 
 
 def clock_state() -> str:
-    """Whether the kernel's clock is disciplined by a time service, and how far off it may be, in words."""
+    """Return in words whether a time service disciplines the kernel's clock, and how large its error may be."""
     try:
         state = _Timex()
         code = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(state))
@@ -51,7 +51,7 @@ def clock_state() -> str:
 
 
 def package_versions() -> Dict[str, str]:
-    """Versions of what takes part in the recording, by name."""
+    """Return the versions of the software that takes part in the recording, by name."""
     from importlib import metadata
 
     versions = {"jaka_bag": __version__, "python": platform.python_version(), "system": platform.platform()}
@@ -88,14 +88,14 @@ def _content(path: Optional[Path]) -> Optional[bytes]:
 
 
 class Evidence:
-    """Collects parameters in the background; ``start`` and ``close`` are its bounds.
+    """A collector of parameters and other evidence, working in the background from ``start`` to ``close``.
 
     Args:
-        master_uri: Of the ROS master.
+        master_uri: URI of the ROS master.
         node: Global name of the asking node.
         driver: Global name of the driver's node, whose parameters name the arm.
-        diagnostics: Gives the newest status of each name.
-        beside: Called from the collecting thread each time, for what else has to be looked after.
+        diagnostics: Returns the newest status of each name.
+        beside: Called from the collecting thread in each round, for further periodic work.
     """
 
     def __init__(self, master_uri: str, node: str, driver: str, diagnostics: Callable[[], Dict[str, Dict[str, Any]]],
@@ -146,7 +146,7 @@ class Evidence:
         return value
 
     def _description(self) -> str:
-        """The URDF: of the driver's namespace, else of the root."""
+        """Return the URDF from the driver's namespace, else from the root."""
         tree: Any = json.loads(self._parameters or b"{}")
         found = ""
         for word in [""] + self._driver.strip("/").split("/")[:-1]:
@@ -156,7 +156,7 @@ class Evidence:
         return found
 
     def attachments(self) -> List[Attachment]:
-        """The parameters, the arm's URDF and DH parameters as far as they are known, the versions."""
+        """Return the attachments: parameters, URDF and DH parameters of the arm as far as they are known, versions."""
         items = [Attachment("rosparam.yaml", self._parameters or b"{}\n", "application/yaml")]
         description = self._description()
         if description:
@@ -175,11 +175,11 @@ class Evidence:
         return json.dumps(value, indent=1, sort_keys=True).encode() + b"\n"
 
     def last_attachment(self) -> Attachment:
-        """The newest diagnostics, the controller's event text among them; for the end of a file."""
+        """Return the newest diagnostics, with the controller's event text, as the attachment for a file's end."""
         return Attachment("diagnostics.json", self._json(self._diagnostics()), "application/json")
 
     def facts(self) -> Dict[str, str]:
-        """Host, clock, arm and versions, and what of the evidence is not there."""
+        """Return facts about host, clock, arm and versions, and a list of the evidence that is missing."""
         diagnostics = self._diagnostics()
         facts = {"host": platform.node(), "clock": clock_state(), "jaka_bag_version": __version__,
                  "python": sys.version.split()[0], "event": event_text(diagnostics),
@@ -200,7 +200,7 @@ class Evidence:
 
 
 def event_text(diagnostics: Dict[str, Dict[str, Any]]) -> str:
-    """The controller's event, as the driver's diagnostics tell it; empty where they tell none."""
+    """Return the text of the controller's event from the driver's diagnostics; empty where there is none."""
     for name, status in diagnostics.items():
         if name.endswith("controller state"):
             return str(status["values"].get("event") or "")

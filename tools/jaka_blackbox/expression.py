@@ -63,7 +63,7 @@ class NoValue(Exception):
 
 
 def _number(value: Any) -> Any:
-    """A value that can be calculated with.
+    """Return the value if it is a number.
 
     Raises:
         NoValue: It is a text, an array or a message.

@@ -11,14 +11,14 @@ SIGNATURE_SUFFIX = ".sig"
 
 
 class Keep(NamedTuple):
-    """How much is kept, the newest files; 0 for all: so many files, so many bytes in all."""
+    """The limits of the files that are kept, the newest first: number of files and total bytes; 0 for no limit."""
 
     files: int = 0
     size: int = 0
 
 
 def new_stem(folder: Path, kind: str) -> Path:
-    """Path, without suffix, of a file that is begun now by a trigger of this kind; nothing has that name."""
+    """Return an unused path, without suffix, for a file that a trigger of this kind begins now."""
     base = "%s%s_%s" % (PREFIX, time.strftime("%Y-%m-%d-%H-%M-%S"), kind)
     number, name = 1, base
     while any(folder.joinpath(name + SUFFIX + end).exists() for end in ("", WORKING_SUFFIX)):
@@ -28,12 +28,12 @@ def new_stem(folder: Path, kind: str) -> Path:
 
 
 def finished_files(folder: Path) -> List[Path]:
-    """The finished files in a folder, oldest first."""
+    """Return the finished files in a folder, oldest first."""
     return sorted(folder.glob(PREFIX + "*" + SUFFIX), key=lambda path: (path.stat().st_mtime_ns, path.name))
 
 
 def cut_off_files(folder: Path) -> List[Path]:
-    """What black boxes that were killed left in a folder, oldest first."""
+    """Return the unfinished files that killed black boxes left in a folder, oldest first."""
     return sorted(folder.glob(PREFIX + "*" + SUFFIX + WORKING_SUFFIX))
 
 

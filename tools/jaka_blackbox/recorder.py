@@ -1,6 +1,6 @@
-"""Keeps the newest messages in memory and writes a file around each trigger.
+"""The black box: the newest messages in memory, and a file around each trigger.
 
-It stands where a recording's files stand (``RollingFiles``): the writing thread hands it every message in order.
+It takes the place of a recording's files (``RollingFiles``): the writing thread hands it every message in order.
 """
 import collections
 import datetime
@@ -19,7 +19,7 @@ from .files import Keep, new_stem, remove_old
 from .triggers import Trigger, TriggerWatch
 
 ITEM_BYTES = 256
-"""What a message takes in memory beside its payload, byte (measured: 230)."""
+"""Memory that a message takes besides its payload, byte (measured: 230)."""
 _ACCOUNT_PERIOD_S = 1.0
 _ANSWER_TIMEOUT_S = 10.0
 _MARGIN_S = 1.0
@@ -47,7 +47,7 @@ class _Item(NamedTuple):
 
 @dataclass(frozen=True)
 class Window:
-    """What a file holds: from before to behind the trigger, s; and how many bytes of messages may be in memory."""
+    """The extent of a file, s before and after the trigger, and the limit of message bytes in memory."""
 
     before_s: float
     after_s: float
@@ -64,12 +64,12 @@ class Request:
         self._answer = (False, "")
 
     def answer(self, is_written: bool, text: str) -> None:
-        """Tell whoever waits."""
+        """Set the reply and release the waiting thread."""
         self._answer = (is_written, text)
         self._answered.set()
 
     def wait(self) -> Tuple[bool, str]:
-        """Whether the file is being written, and its name or what went wrong."""
+        """Wait for the reply; return whether the file is being written, and its name or the reason why not."""
         if not self._answered.wait(_ANSWER_TIMEOUT_S):
             return False, "the black box takes longer than %g s to begin the file" % _ANSWER_TIMEOUT_S
         return self._answer
@@ -202,7 +202,7 @@ class BlackBox:
         return self._files is not None
 
     def _note(self, trigger: Trigger, time_ns: int) -> None:
-        """Tell of a trigger, in the file and to the user."""
+        """Report a trigger, in the file and to the user."""
         self._count += 1
         files = self._files
         if files is None or self._count > _MOST_RECORDS:
@@ -219,7 +219,7 @@ class BlackBox:
             self._guarded(files.force)
 
     def _begin(self, trigger: Trigger, now: float) -> None:
-        """A new file with all that is in memory, behind the newest message of each latched publisher."""
+        """Begin a file with the newest message of each latched publisher, then all messages in memory."""
         self._stem = new_stem(self._folder, trigger.kind)
         self._count = 0
         if not self._open():
@@ -303,7 +303,7 @@ class BlackBox:
             self._accounts.popleft()
 
     def _losses(self) -> Dict[str, TopicDrops]:
-        """The account of the time from the oldest note on: that of all streams less what was lost before."""
+        """Return the drops since the oldest note in memory: those of all streams less earlier ones."""
         before: Dict[str, List[int]] = {}
         for stream, lost in (self._accounts[0][1] if self._accounts else {}).items():
             sums = before.setdefault(stream.connection.topic, [0, 0, 0, 0])
@@ -319,6 +319,6 @@ class BlackBox:
 
 
 def started_line(window: Window, folder: Path, triggers: Sequence[str]) -> str:
-    """What is said at the start: what is kept where, how much memory that takes, what sets it off."""
+    """Return the line for the start: the extent of files, their folder, the memory needed, the triggers."""
     return "keeping the newest %g s in memory, at most %d MB; a file in %s at each trigger, until %g s after it: %s" % (
         window.before_s, (2 * window.memory_bytes + (1 << 20) - 1) >> 20, folder, window.after_s, ", ".join(triggers))

@@ -16,20 +16,20 @@ from jaka_bag.live.tcpros import decode_header, encode_header
 
 TYPE = "std_srvs/Trigger"
 MD5SUM = "937c9679a518e3a18d831e57125ea522"
-"""Of ``std_srvs/Trigger`` (``rosservice``, std_srvs 1.11)."""
+"""MD5 sum of ``std_srvs/Trigger`` (``rosservice``, std_srvs 1.11)."""
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER = 1 << 16
 _PATIENCE_S = 30.0
 
 
 class TriggerService:
-    """Serves calls, each in a thread of its own. ``register`` is to be called again and again: the master may restart.
+    """A service server with a thread for each call. Call ``register`` repeatedly: the master may restart.
 
     Args:
         name: Global name of the service.
         node: Global name of the offering node.
         node_uri: XMLRPC URI of that node.
-        answer: Does what is asked; gives success and message.
+        answer: Performs a call; returns success and message.
     """
 
     def __init__(self, name: str, node: str, node_uri: str, answer: Callable[[], Tuple[bool, str]]) -> None:
@@ -48,7 +48,7 @@ class TriggerService:
         self._thread.start()
 
     def register(self) -> None:
-        """Tell the master, unless it knows; nothing where it does not answer."""
+        """Register the service with the master unless it is registered; do nothing where the master does not answer."""
         try:
             with RemoteNode(master_uri(), self._node) as master:
                 try:
@@ -111,7 +111,7 @@ class TriggerService:
 
     @staticmethod
     def _block(link: socket.socket, most: int) -> bytes:
-        """The bytes behind a length; no more than ``most``."""
+        """Return the bytes after a length prefix, which may be at most ``most``."""
         def read(count: int) -> bytes:
             data = b""
             while len(data) < count:

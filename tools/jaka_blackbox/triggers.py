@@ -1,7 +1,7 @@
-"""What sets the black box off: faults that messages tell of, and conditions that a user wrote.
+"""The triggers of the black box: faults that messages report, and conditions that a user wrote.
 
-A state triggers when it is entered, or when it stands in the first message that is seen: whoever starts the black box
-after a fault still gets what is left of it.
+A state triggers when it is entered, or when the first message that is seen has it: whoever starts the black box after a
+fault still gets what is left of it.
 """
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -18,13 +18,13 @@ LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 
 class Trigger(NamedTuple):
-    """Why a file is written.
+    """The reason why a file is written.
 
     Attributes:
         kind: ``error``, ``emergency_stop``, ``collision``, ``failed_call``, ``diagnostics``, ``expression``,
             ``service`` or ``signal``.
-        detail: What was seen, in words.
-        topic: Where it was seen; of a service call its name, of a signal empty.
+        detail: The observation in words.
+        topic: The topic with the trigger; a service's name for a call, empty for a signal.
     """
 
     kind: str
@@ -36,12 +36,12 @@ _Look = Callable[[Dict[str, Any]], List[Trigger]]
 
 
 def level_name(level: Any) -> str:
-    """The name of a level of diagnostics; its number where it has none."""
+    """Return the name of a diagnostics level; its number where it has none."""
     return LEVELS[level] if isinstance(level, int) and 0 <= level < len(LEVELS) else str(level)
 
 
 def _state_faults(values: Dict[str, Any]) -> Dict[str, str]:
-    """The faults that stand, and what says so."""
+    """Return the faults in a state message, each with the value that shows it."""
     motion = values.get("motion_state")
     faults = {}
     if motion == MotionState.ERROR:
@@ -54,12 +54,12 @@ def _state_faults(values: Dict[str, Any]) -> Dict[str, str]:
 
 
 class TriggerWatch:
-    """Looks at each message that is recorded.
+    """The search for triggers in each recorded message.
 
     Args:
         expressions: Conditions of the user.
         notice: Takes a line for the user.
-        watches_faults: Look for what the driver's topics tell of faults; else only for the expressions.
+        watches_faults: Look for faults that the driver's topics report; else only for the expressions.
 
     Attributes:
         diagnostics: The newest status of each name: level, message, hardware_id, values.
@@ -80,7 +80,7 @@ class TriggerWatch:
         self.diagnostics: Dict[str, Dict[str, Any]] = {}
 
     def look(self, connection: Connection, payload: bytes) -> List[Trigger]:
-        """What one message sets off; mostly nothing."""
+        """Return the triggers in one message; mostly none."""
         if connection not in self._looks:
             self._looks[connection] = self._prepare(connection)
         known = self._looks[connection]

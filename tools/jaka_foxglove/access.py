@@ -1,4 +1,4 @@
-"""Who may connect: browsers only from pages that are trusted, and only under a name that is this server's.
+"""The access rules of a server: browsers connect only from trusted pages, and only under a name of this server.
 
 A browser lets every web page open a WebSocket to any address, this machine included, and tells the page's origin in the
 header ``Origin``, which the page cannot change. Programs that are no browser send none. A page may also have its own
@@ -15,7 +15,7 @@ KNOWN_ORIGINS = ("https://app.foxglove.dev", "https://lichtblick-suite.github.io
 
 
 def _origin_of(text: str) -> str:
-    """An origin in the form in which browsers tell it; empty for what is none."""
+    """Return an origin in the form that browsers send; empty for an invalid one."""
     try:
         parts = urlsplit(text)
     except ValueError:
@@ -28,7 +28,7 @@ def _origin_of(text: str) -> str:
 
 
 def host_name(text: str) -> str:
-    """The name or address in a ``Host`` header, lower-case, without the port; empty for what is none."""
+    """Return the name or address in a ``Host`` header, lower-case, without the port; empty for an invalid header."""
     try:
         parts = urlsplit("//" + text)
         _ = parts.port  # raises for a port that is no number
@@ -39,7 +39,7 @@ def host_name(text: str) -> str:
 
 
 def is_address(host: str) -> bool:
-    """Whether a host is given as a number."""
+    """Return whether a host is given as an IP address."""
     try:
         ipaddress.ip_address(host)
     except ValueError:
@@ -48,19 +48,19 @@ def is_address(host: str) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches a host."""
+    """Return whether a host is reachable from this machine only."""
     return host == "localhost" or (is_address(host) and ipaddress.ip_address(host).is_loopback)
 
 
 class AccessRules:
-    """Which requests for a connection are taken.
+    """The rules by which requests for a connection are accepted.
 
     Args:
         origins: Origins of further pages that are trusted, as ``http://localhost:8080``.
         names: Names of this machine under which viewers may ask for it, besides ``localhost`` and any address.
 
     Raises:
-        UsageError: One of the origins is none.
+        UsageError: One of the origins is invalid.
     """
 
     def __init__(self, origins: Iterable[str] = (), names: Iterable[str] = ()) -> None:
@@ -72,7 +72,7 @@ class AccessRules:
         self.names: FrozenSet[str] = frozenset(["localhost", *(name.lower() for name in names)])
 
     def refusal(self, origin: Optional[str], host: Optional[str]) -> Optional[str]:
-        """Why a request with these headers is refused, None where it is taken."""
+        """Return the reason why a request with these headers is refused; None where it is accepted."""
         name = host_name(host or "")
         if not is_address(name) and name not in self.names:
             return "this server is not called %.80r; --allow-host NAME adds a name" % (host or "")

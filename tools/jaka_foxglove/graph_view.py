@@ -12,11 +12,11 @@ _PERIOD_S = 1.0
 
 Nodes = Dict[str, List[str]]
 Changes = Callable[[Dict[str, Parameter], Optional[Frame]], None]
-"""Takes changed parameters by name, and the changes of the graph as a frame, None where there are none."""
+"""A callback for changed parameters by name, and the changes of the graph as a frame, None where there are none."""
 
 
 class GraphView:
-    """Asks the master while somebody wants to know.
+    """A view of the ROS graph and its parameters, which asks the master only while a viewer watches.
 
     Args:
         node: Global name of the asking node.
@@ -36,7 +36,7 @@ class GraphView:
         self._master.close()
 
     def watch(self, parameters: bool, graph: bool) -> bool:
-        """What ``look`` asks for; True where that is more than before."""
+        """Set what ``look`` asks for; return True where that is more than before."""
         is_more = (parameters and not self._has_parameters) or (graph and not self._has_graph)
         self._has_parameters, self._has_graph = parameters, graph
         if is_more:
@@ -44,11 +44,11 @@ class GraphView:
         return is_more
 
     def parameters(self, names: Sequence[str]) -> List[Parameter]:
-        """Values by name, all where no name is given; what is not set is left out. For any thread.
+        """Return parameters by name, all where no name is given; parameters that are not set are left out. Thread-safe.
 
         Raises:
             ConnectionLost: The master does not answer.
-            ProtocolError: It refuses.
+            ProtocolError: The master refuses.
         """
         with self._lock:
             tree = self._master.call("getParam", "/")
@@ -57,7 +57,7 @@ class GraphView:
         return [parameter_of(name, value) for name in names for value in _below(tree, name)]
 
     def whole_graph(self) -> Optional[Frame]:
-        """The graph as it was seen last; None where it was not looked at."""
+        """Return the graph as it was last seen; None where it was not looked at."""
         state = self._state
         return None if state is None else graph_update(*state)
 
@@ -107,7 +107,7 @@ class GraphView:
 
 
 def _below(tree: Any, name: str) -> List[Any]:
-    """The value at a name of the parameter server's tree, or nothing."""
+    """Return the value at a name of the parameter server's tree as a list of one; empty where there is none."""
     for part in filter(None, name.split("/")):
         if not isinstance(tree, dict) or part not in tree:
             return []

@@ -31,14 +31,14 @@ _CLOCK = struct.Struct("<II")
 
 
 class LiveOptions(NamedTuple):
-    """What of the graph is shown.
+    """The options that select the part of a ROS graph to show.
 
     Attributes:
-        selection: The topics.
-        accept: Says whether a publisher's stream on such a topic is shown.
+        selection: Selection of topics.
+        accept: Returns whether to show a publisher's stream on such a topic.
         is_simulated_time: Times are those of ``/clock``.
         has_calls: Viewers may call services.
-        services: Names of services begin with this.
+        services: Prefix of the names of services to offer.
     """
 
     selection: TopicSelection
@@ -267,7 +267,7 @@ class LiveTopics(Source):
                 self._registered[topic] = goal
 
     def _forget_latched(self, topic: str) -> None:
-        """Whoever subscribes next is sent them by the publishers again."""
+        """Forget a topic's latched messages: publishers send them again to the next subscription."""
         channel = self._by_topic.get(topic)
         if channel is not None:
             self._latched.pop(channel.id, None)

@@ -18,7 +18,7 @@ from .source import Recipient, Source
 _TICK_S = 1.0 / 60
 _READY_POLL_S = 0.005
 _FIRST_WAIT_S = 0.5
-"""So long after the first subscription it begins: viewers subscribe one topic after the other."""
+"""Delay, s, of the playback after the first subscription: viewers subscribe one topic after the other."""
 _BUFFERING_S = 0.3
 """Viewers are told that data are waited for when it takes longer than this."""
 _TIME_STEP_NS = 1000000
@@ -26,7 +26,7 @@ _MOST_IN_ONE_GO = 2000
 
 
 class PlaybackOptions(NamedTuple):
-    """How it is played: log seconds in a second; begin in pause; begin anew at the end."""
+    """The options of a playback: log seconds per second; begin paused; begin again at the end."""
 
     speed: float = 1.0
     is_paused: bool = False
@@ -169,7 +169,7 @@ class LogPlayback(Source):
         task.add_done_callback(self._tasks.discard)
 
     async def _newest(self, channels: Iterable[int], time: int) -> List[Timed]:
-        """The newest message of each connection of some channels up to a log time, ns."""
+        """Return the newest message of each connection of the channels up to a log time, ns."""
         wanted = frozenset(channels)
         numbers = [i for i, channel in enumerate(self._numbers) if channel in wanted]
         try:
@@ -209,7 +209,7 @@ class LogPlayback(Source):
             self._event.clear()
 
     def _read_from(self, time: int) -> None:
-        """All messages before a log time, ns, are sent, or need not be."""
+        """Mark all messages before a log time, ns, as sent, so that reading begins there."""
         self._sent_to = time - 1
         self._is_complete = self._is_stale = True
         self._last.clear()
@@ -268,7 +268,7 @@ class LogPlayback(Source):
         self._is_over = False
 
     def _is_ready(self) -> bool:
-        """Whether it is known what comes next: a message that was read, or the end."""
+        """Return whether the next step is known: a message that was read, or the end."""
         if self._pending or self._is_over:
             return True
         assert self._ahead is not None

@@ -1,11 +1,11 @@
-"""What waits to be sent to one viewer: bounded, and the newest messages win."""
+"""The send queue of one viewer: bounded, and the newest messages win."""
 import collections
 from typing import Deque, NamedTuple, Optional, Tuple, Union
 
 from .protocol import message_data, time_data
 
 _HEAD_BYTES = 128
-"""What a waiting message needs in memory besides its payload, about."""
+"""Memory, byte, that a waiting message takes besides its payload, roughly."""
 MAX_ANSWERS = 1024
 """Answers that may wait; a viewer that asks for more without reading them is let go."""
 
@@ -82,7 +82,7 @@ class Outbox:
             self.size = sum(message.size for _, message in kept)
 
     def take(self) -> Optional[Frame]:
-        """The next frame, None where nothing waits."""
+        """Remove and return the next frame; None where nothing waits."""
         if self._answers and (not self._messages or self._answers[0][0] < self._messages[0][0]):
             return self._answers.popleft()[1]
         if not self._messages:

@@ -1,4 +1,4 @@
-"""Where a playback stands in its log: play, pause, seek, speed; pure, is told the time."""
+"""The clock of a playback: play, pause, seek, speed; a pure function of the time that it is given."""
 from jaka_bag.units import NS_PER_S
 
 LEAST_SPEED, MOST_SPEED = 0.01, 100.0
@@ -32,7 +32,7 @@ class PlaybackClock:
         self._since = 0.0
 
     def position(self, now: float) -> int:
-        """The log time, ns, at a moment, monotonic s."""
+        """Return the log time, ns, at a moment of the monotonic clock, s."""
         if not self.is_playing or self.is_held:
             return self._base
         return min(self._base + int((now - self._since) * self.speed * NS_PER_S), self.end)
@@ -51,7 +51,7 @@ class PlaybackClock:
         self.speed = min(max(speed, LEAST_SPEED), MOST_SPEED)
 
     def hold(self, now: float, is_held: bool) -> None:
-        """Stand still, or go on from where it stood."""
+        """Hold the position, or continue from it."""
         if is_held != self.is_held:
             self._anchor(now)
             self.is_held = is_held

@@ -89,14 +89,14 @@ class Unsubscribe(NamedTuple):
 
 
 class GetParameters(NamedTuple):
-    """Asks for parameters, all where ``names`` is empty; ``request`` goes into the answer."""
+    """Request for parameters, all where ``names`` is empty; ``request`` goes into the answer."""
 
     names: Tuple[str, ...]
     request: Optional[str]
 
 
 class SetParameters(NamedTuple):
-    """Asks to change parameters; only their names are kept, for nothing is changed here."""
+    """Request to change parameters; only their names are kept, for nothing is changed here."""
 
     names: Tuple[str, ...]
     request: Optional[str]
@@ -116,7 +116,7 @@ class WatchGraph(NamedTuple):
 
 
 class ServiceCall(NamedTuple):
-    """Calls a service; ``call`` is the viewer's number of the call."""
+    """Request to call a service; ``call`` is the viewer's number of the call."""
 
     service: int
     call: int
@@ -125,7 +125,7 @@ class ServiceCall(NamedTuple):
 
 
 class PlaybackControl(NamedTuple):
-    """How a playback shall go on: ``speed`` is log seconds in a second, ``seek`` a log time, ns, None to stay."""
+    """Request to control a playback: ``speed`` is log seconds per second, ``seek`` a log time, ns, None to stay."""
 
     is_playing: bool
     speed: float
@@ -147,7 +147,7 @@ _REFUSED = {"advertise": "viewers cannot publish here", "unadvertise": "viewers 
 
 
 def parse_text(text: str) -> Request:
-    """A viewer's text message."""
+    """Parse a viewer's text message."""
     try:
         message = json.loads(text, parse_int=_short_int)
     except (ValueError, RecursionError):
@@ -173,7 +173,7 @@ def parse_text(text: str) -> Request:
 
 
 def _short_int(text: str) -> int:
-    """A number; a very long one, which Python 3.8 would read for seconds, is none."""
+    """Convert text to an integer; refuse a very long one, on which Python 3.8 would spend seconds."""
     if len(text) > 20:
         raise ValueError(text[:20])
     return int(text)
@@ -211,7 +211,7 @@ def _request(message: Dict[str, Any]) -> Optional[str]:
 
 
 def parse_binary(data: bytes) -> Request:
-    """A viewer's binary message."""
+    """Parse a viewer's binary message."""
     try:
         if data[:1] == bytes([_CALL_REQUEST]):
             _, service, call, size = _CALL_HEAD.unpack_from(data)
@@ -241,13 +241,13 @@ def _text(op: str, **fields: Any) -> str:
 
 def server_info(name: str, capabilities: Sequence[str], session: str, encodings: Sequence[str] = (),
                 metadata: Optional[Dict[str, str]] = None, time_range: Optional[Tuple[int, int]] = None) -> str:
-    """The first message to each viewer.
+    """Return the first message to each viewer.
 
     Args:
-        name: What the viewer shows.
-        capabilities: What is served besides channels.
+        name: Name of the source, shown by the viewer.
+        capabilities: Capabilities besides channels.
         session: Differs from one start of the server to the next.
-        encodings: Of service calls.
+        encodings: Encodings of service calls.
         metadata: Further facts.
         time_range: First and last log time of a playback, ns.
     """
@@ -262,29 +262,29 @@ def _split_time(time: int) -> Dict[str, int]:
 
 
 def status(level: int, message: str, name: Optional[str] = None) -> str:
-    """Something to tell a viewer; a later one of the same ``name`` takes its place."""
+    """Return a notice for a viewer; a later one with the same ``name`` replaces it."""
     return _text("status", level=level, message=message, id=name)
 
 
 def remove_status(names: Iterable[str]) -> str:
-    """What was told under these names is over."""
+    """Return the message that withdraws the notices with these names."""
     return _text("removeStatus", statusIds=list(names))
 
 
 def advertise(channels: Iterable[Channel]) -> str:
-    """Channels that are there now."""
+    """Return the message that offers channels."""
     return _text("advertise", channels=[
         dict({"id": c.id, "topic": c.topic, "encoding": c.encoding, "schemaName": c.schema_name, "schema": c.schema},
              **({"schemaEncoding": c.schema_encoding} if c.schema_encoding else {})) for c in channels])
 
 
 def unadvertise(channels: Iterable[int]) -> str:
-    """Channels that are there no more."""
+    """Return the message that withdraws channels."""
     return _text("unadvertise", channelIds=list(channels))
 
 
 def advertise_services(services: Iterable[Service]) -> str:
-    """Services that can be called now, with ROS 1 requests and replies."""
+    """Return the message that offers services, with ROS 1 requests and replies."""
     def half(service: Service, what: str, text: str) -> Dict[str, str]:
         return {"encoding": "ros1", "schemaName": service.type + what, "schemaEncoding": "ros1msg", "schema": text}
     return _text("advertiseServices", services=[
@@ -293,17 +293,17 @@ def advertise_services(services: Iterable[Service]) -> str:
 
 
 def unadvertise_services(services: Iterable[int]) -> str:
-    """Services that are there no more."""
+    """Return the message that withdraws services."""
     return _text("unadvertiseServices", serviceIds=list(services))
 
 
 def call_failure(service: int, call: int, message: str) -> str:
-    """A service call came to nothing."""
+    """Return the message that a service call failed."""
     return _text("serviceCallFailure", serviceId=service, callId=call, message=message)
 
 
 def parameter_values(parameters: Iterable[Parameter], request: Optional[str]) -> str:
-    """Parameters, as an answer or because they have changed."""
+    """Return the message with values of parameters, as an answer or because they have changed."""
     return _text("parameterValues", id=request, parameters=[
         {key: value for key, value in (("name", p.name), ("value", p.value), ("type", p.type or None))
          if value is not None} for p in parameters])
@@ -311,7 +311,7 @@ def parameter_values(parameters: Iterable[Parameter], request: Optional[str]) ->
 
 def graph_update(published: Dict[str, List[str]], subscribed: Dict[str, List[str]], services: Dict[str, List[str]],
                  removed_topics: Sequence[str] = (), removed_services: Sequence[str] = ()) -> str:
-    """Nodes by topic and service, as far as they have changed."""
+    """Return the message with the changes of the graph: nodes by topic and service."""
     return _text("connectionGraphUpdate",
                  publishedTopics=[{"name": name, "publisherIds": nodes} for name, nodes in published.items()],
                  subscribedTopics=[{"name": name, "subscriberIds": nodes} for name, nodes in subscribed.items()],
@@ -320,36 +320,36 @@ def graph_update(published: Dict[str, List[str]], subscribed: Dict[str, List[str
 
 
 def message_data(subscription: int, time: int, payload: bytes) -> bytes:
-    """One message of a channel; ``time`` is its log time, ns."""
+    """Return the frame with one message of a channel; ``time`` is its log time, ns."""
     return _MESSAGE_HEAD.pack(_MESSAGE_DATA, subscription, time) + payload
 
 
 def time_data(time: int) -> bytes:
-    """What time it is, ns, where that is not the viewer's own clock's."""
+    """Return the frame with the time, ns, where that is not the viewer's own clock's."""
     return _TIME_BODY.pack(_TIME, time)
 
 
 def call_response(service: int, call: int, encoding: str, payload: bytes) -> bytes:
-    """The reply of a service."""
+    """Return the frame with a service's reply."""
     raw = encoding.encode()
     return _CALL_HEAD.pack(_CALL_RESPONSE, service, call, len(raw)) + raw + payload
 
 
 def playback_state(state: int, time: int, speed: float, did_seek: bool, request: str = "") -> bytes:
-    """How a playback stands; ``time`` is ns, ``request`` that of the viewer's control that it answers."""
+    """Return the frame with a playback's state; ``time`` is ns, ``request`` that of the control to answer."""
     raw = request.encode()
     return _PLAYBACK_HEAD.pack(_PLAYBACK_STATE, state, time, speed, did_seek, len(raw)) + raw
 
 
 def is_playback_state(frame: Union[str, bytes]) -> bool:
-    """Whether a frame tells how a playback stands."""
+    """Return whether a frame holds a playback's state."""
     return isinstance(frame, bytes) and frame[0] == _PLAYBACK_STATE
 
 
 # Values
 
 def channel_of(number: int, connection: Connection) -> Channel:
-    """A connection's channel; a ROS 1 definition stays the text that it is, a binary one becomes base64."""
+    """Return a connection's channel; a ROS 1 definition remains text, a binary one becomes base64."""
     raw = connection.definition.encode("utf-8", "surrogateescape")
     if connection.schema_encoding in _SCHEMAS_AS_BASE64:
         schema = base64.b64encode(raw).decode()
@@ -361,7 +361,7 @@ def channel_of(number: int, connection: Connection) -> Channel:
 
 
 def parameters_of(name: str, value: Any) -> List[Parameter]:
-    """The parameters below a name of the parameter server: one for each value, or one for an empty dictionary."""
+    """Return the parameters below a name of the parameter server, one for each value or empty dictionary."""
     if isinstance(value, dict) and value:
         return [parameter for key in sorted(value) for parameter in
                 parameters_of("%s/%s" % (name.rstrip("/"), key), value[key])]
@@ -369,7 +369,7 @@ def parameters_of(name: str, value: Any) -> List[Parameter]:
 
 
 def parameter_of(name: str, value: Any) -> Parameter:
-    """One parameter, whatever it holds; what JSON cannot hold becomes its text."""
+    """Return a value as parameter; where JSON cannot hold it, as its text."""
     data = getattr(value, "data", None)
     if isinstance(data, bytes):  # XMLRPC's binary
         return Parameter(name, base64.b64encode(data).decode(), "byte_array")

@@ -28,7 +28,7 @@ _HANDSHAKE_S = 10.0
 _HEARTBEAT_S = 20.0
 """A viewer is pinged this often; one that does not answer within half of it is let go."""
 _CLOSING_S = 1.0
-"""So long a viewer has to answer the close of its WebSocket."""
+"""Time limit, s, for a viewer's answer to the close of its WebSocket."""
 _STUCK_S = 30.0
 """A viewer that has taken nothing of what is being sent to it for so long is let go."""
 _SEND_BUFFER = 256 << 10
@@ -46,7 +46,7 @@ _PLAIN = "This is a server for Foxglove and Lichtblick: open it there as a Foxgl
 
 @dataclass(frozen=True)
 class Limits:
-    """What viewers may cost.
+    """The limits of what viewers may use.
 
     Attributes:
         viewers: Viewers at once.
@@ -58,7 +58,7 @@ class Limits:
 
 
 class _OneLine(logging.Handler):
-    """Makes a notice of what aiohttp has to say, as that a peer does not speak HTTP.
+    """A logging handler that passes aiohttp's reports on as notices of one line, as that a peer does not speak HTTP.
 
     Args:
         notice: Takes a line for the user.
@@ -81,22 +81,22 @@ class _Link:
         self._transport = transport
 
     def abort(self) -> None:
-        """Break the connection; what waits in it is lost."""
+        """Close the connection at once; frames that wait in it are lost."""
         if self._transport is not None:
             self._transport.abort()
 
 
 class FoxgloveServer(Audience):
-    """Shows a source to viewers.
+    """A WebSocket server that shows a source to viewers.
 
     Args:
-        source: What is shown.
-        rules: Who may connect.
-        limits: What viewers may cost.
+        source: Source of channels, services and parameters.
+        rules: Access rules.
+        limits: Limits of what viewers may use.
         notice: Takes a line for the user.
 
     Attributes:
-        port: Where it listens; 0 before.
+        port: TCP port; 0 before the server listens.
     """
 
     def __init__(self, source: Source, rules: AccessRules, limits: Limits, notice: Callable[[str], None]) -> None:
@@ -178,7 +178,7 @@ class FoxgloveServer(Audience):
             handler.transport.abort()
 
     async def _drop_stuck(self) -> None:
-        """aiohttp's pings do not end a connection whose send buffer is full."""
+        """Drop viewers that have stopped reading: aiohttp's pings do not end a connection whose send buffer is full."""
         while True:
             await asyncio.sleep(1.0)
             now = time.monotonic()
@@ -284,7 +284,7 @@ class FoxgloveServer(Audience):
         await asyncio.gather(*(_close(link, WSCloseCode.GOING_AWAY, "the server ends") for link in links))
 
     def _changed(self) -> None:
-        """Tell the source what is wanted now."""
+        """Pass the channels, parameters and graph that viewers want now on to the source."""
         viewers = list(self._viewers)
         nothing: FrozenSet[int] = frozenset()
         self._source.want(nothing.union(*(viewer.channels for viewer in viewers)))

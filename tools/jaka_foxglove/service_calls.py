@@ -24,7 +24,7 @@ _LARGEST_HEADER = 1 << 20
 _LARGEST_REPLY = 64 << 20
 
 Told = Callable[[Dict[int, Service], List[Frame]], None]
-"""Takes all services by number, and the frames that tell what has changed."""
+"""A callback for all services by number, and the frames with their changes."""
 
 
 class _Definition(NamedTuple):
@@ -36,7 +36,7 @@ class _Definition(NamedTuple):
 
 
 def _definition_of(type_name: str) -> Optional[_Definition]:
-    """The definition of a service type; None where it is not installed here."""
+    """Return the definition of a service type; None where it is not installed here."""
     package, _, name = type_name.partition("/")
     try:
         generated = getattr(importlib.import_module(package + ".srv"), name)
@@ -109,7 +109,12 @@ class _ServiceLink:
             raise ConnectionLost("the link to %s broke: %s" % (self._name, error)) from error
 
     async def call(self, payload: bytes) -> bytes:
-        """The reply, however long it takes; ``JakaBagError`` with the server's own words where it failed."""
+        """Send a request and return the reply, without a time limit.
+
+        Raises:
+            ConnectionLost: The link broke.
+            JakaBagError: The service failed; the text has the server's own words.
+        """
         self._writer.write(_LENGTH.pack(len(payload)) + payload)
         try:
             is_done = await self._reader.readexactly(1) != b"\0"
@@ -202,10 +207,10 @@ class ServiceCalls:
     # In the server's loop
 
     async def call(self, service: Service, payload: bytes) -> bytes:
-        """The reply to a call.
+        """Call a service and return its reply.
 
         Raises:
-            JakaBagError: The call came to nothing; the text has the server's own words.
+            JakaBagError: The call failed; the text has the server's own words.
         """
         uri = await asyncio.get_running_loop().run_in_executor(None, self._look_up, service.name)
         async with _ServiceLink(self._node, service.name, uri, self._md5sums[service.id]) as link:

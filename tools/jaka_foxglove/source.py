@@ -1,4 +1,4 @@
-"""What a server shows to its viewers, and whom it tells of it."""
+"""The interfaces between a server's viewers and the source that it shows to them."""
 from typing import Dict, FrozenSet, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 from jaka_bag.errors import JakaBagError
@@ -11,35 +11,35 @@ class Audience:
     """All viewers of a source; every method is called in the server's loop and returns at once."""
 
     def advertise(self, channels: Sequence[Channel]) -> None:
-        """There are further channels."""
+        """Offer further channels."""
         raise NotImplementedError
 
     def unadvertise(self, channels: Sequence[int]) -> None:
-        """Channels are gone, with all subscriptions to them."""
+        """Withdraw channels, with all subscriptions to them."""
         raise NotImplementedError
 
     def deliver(self, channel: int, time: int, payload: bytes) -> None:
-        """A message of a channel; ``time`` is its log time, ns."""
+        """Deliver a channel's message; ``time`` is its log time, ns."""
         raise NotImplementedError
 
     def tell_time(self, time: int) -> None:
-        """It is this time, ns; only where the source has the capability ``time``."""
+        """Send the time, ns; only where the source has the capability ``time``."""
         raise NotImplementedError
 
     def tell(self, frame: Frame) -> None:
-        """A frame for everybody, which is not lost."""
+        """Send a frame to every viewer; it is never dropped."""
         raise NotImplementedError
 
     def tell_parameters(self, changed: Mapping[str, Parameter]) -> None:
-        """Parameters have changed, by name; those who watch them are told."""
+        """Send changed parameters, by name, to the viewers that watch them."""
         raise NotImplementedError
 
     def tell_graph(self, frame: Frame) -> None:
-        """A frame for those who watch the graph."""
+        """Send a frame to the viewers that watch the graph."""
         raise NotImplementedError
 
     def forget_messages(self) -> None:
-        """Messages that wait to be sent are out of date."""
+        """Discard the messages that wait to be sent: they are out of date."""
         raise NotImplementedError
 
 
@@ -47,22 +47,22 @@ class Recipient:
     """One viewer, as a source sees it when it subscribes."""
 
     def deliver(self, channel: int, time: int, payload: bytes) -> None:
-        """A message of a channel for this viewer alone; nothing happens when it has let go of the channel."""
+        """Deliver a channel's message to this viewer alone; do nothing where it has unsubscribed."""
         raise NotImplementedError
 
 
 class Source:
-    """What is shown; all methods are called in the server's loop.
+    """A source of channels, services and parameters; all methods are called in the server's loop.
 
     Attributes:
-        name: What viewers show of it.
-        capabilities: What it offers besides channels, in the protocol's words.
-        encodings: Of service calls.
+        name: Name that viewers show.
+        capabilities: Capabilities besides channels, in the protocol's words.
+        encodings: Encodings of service calls.
         metadata: Further facts.
         time_range: First and last log time of a playback, ns.
-        channels: By number.
-        services: By number.
-        audience: Whom it tells; set before ``open``.
+        channels: Channels by number.
+        services: Services by number.
+        audience: Receiver of changes and messages; set before ``open``.
     """
 
     def __init__(self, name: str) -> None:
@@ -82,35 +82,35 @@ class Source:
         """End; the audience is told nothing any more."""
 
     def want(self, channels: FrozenSet[int]) -> None:
-        """These are the channels that somebody is subscribed to now."""
+        """Set the channels that have a subscriber now."""
 
     def subscribed(self, recipient: Recipient, channel: int) -> None:
-        """A viewer has subscribed: it may be sent what was there before."""
+        """Handle a viewer's new subscription: earlier messages may be sent to it."""
 
     def greeting(self) -> List[Frame]:
-        """What a viewer is told besides channels when it comes."""
+        """Return the frames, besides channels, for a viewer that has just connected."""
         return []
 
     def watch(self, parameters: bool, graph: bool) -> None:
-        """Whether anybody wants to be told of parameters and of the graph."""
+        """Set whether any viewer watches parameters, and the graph."""
 
     def graph(self) -> Optional[Frame]:
-        """The graph as it was told last, for one who begins to watch it."""
+        """Return the graph as last published, for a viewer that begins to watch it."""
         return None
 
     async def parameters(self, names: Iterable[str]) -> List[Parameter]:
-        """Values of parameters, all where no name is given; what is not set is left out.
+        """Return values of parameters, all where no name is given; parameters that are not set are left out.
 
         Raises:
-            JakaBagError: They cannot be read.
+            JakaBagError: The parameters cannot be read.
         """
         return []
 
     async def call(self, service: Service, payload: bytes) -> bytes:
-        """The reply to a service call.
+        """Call a service and return its reply.
 
         Raises:
-            JakaBagError: The call came to nothing.
+            JakaBagError: The call failed.
         """
         raise JakaBagError("there are no services")
 

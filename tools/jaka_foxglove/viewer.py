@@ -14,7 +14,7 @@ _MAX_ERRORS = 32
 _MAX_WATCHED = 10000
 """Names of parameters that one viewer may watch."""
 _CALM_S = 5.0
-"""So long after the last message left out a viewer is told that it keeps up again."""
+"""Time, s, without a dropped message after which a viewer is informed that it keeps up again."""
 _SLOW = "slow"
 _SLOW_TEXT = "messages are left out: this viewer, or the link to it, is too slow for what it is subscribed to"
 
@@ -74,7 +74,7 @@ class Viewer(Recipient):
     # What it is told
 
     def greet(self) -> None:
-        """Say what there is."""
+        """Send the server's information, channels and services."""
         source = self._source
         self.tell(protocol.server_info(source.name, source.capabilities, self._session, source.encodings,
                                        source.metadata, source.time_range))
@@ -106,18 +106,18 @@ class Viewer(Recipient):
         self._wake()
 
     def tell_time(self, time: int) -> None:
-        """It is this time, ns."""
+        """Send the time, ns."""
         self.outbox.message(None, time)
         self._wake()
 
     def tell_parameters(self, changed: Mapping[str, Parameter]) -> None:
-        """Tell those of the changed parameters that it watches."""
+        """Send the changed parameters that this viewer watches."""
         mine = [one for name, one in changed.items() if self._watches_all or name in self._watched]
         if mine:
             self.tell(protocol.parameter_values(mine, None))
 
     def forget_channel(self, channel: int) -> None:
-        """A channel is gone."""
+        """Forget a channel and its subscription."""
         subscription = self._subscriptions.pop(channel, None)
         if subscription is not None:
             del self._channels[subscription]
@@ -136,10 +136,10 @@ class Viewer(Recipient):
     # What it asks
 
     def parse(self, message: Frame) -> Optional[Request]:
-        """Its message as a request; None where it is none, which it is told.
+        """Parse a viewer's message; return None, and send a complaint, where it is invalid.
 
         Raises:
-            TooMuch: It has sent too much of this.
+            TooMuch: The viewer has sent too many invalid messages.
         """
         try:
             return protocol.parse_text(message) if isinstance(message, str) else protocol.parse_binary(message)

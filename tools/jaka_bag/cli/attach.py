@@ -17,7 +17,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag attach``."""
+    """Add the options of ``jaka_bag attach`` to a parser."""
     parser.add_argument("source", metavar="SRC", help=".bag, .mcap or .mcap.active")
     parser.add_argument("files", nargs="*", metavar="FILE", help="files to attach")
     add_output(parser, "the new .mcap")

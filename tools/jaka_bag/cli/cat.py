@@ -28,7 +28,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag cat``."""
+    """Add the options of ``jaka_bag cat`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active, one after the other")
     parser.add_argument("--field", action="append", default=[], metavar="[TOPIC:]FIELD",
                         help="only this field, as position[0]; may be repeated")
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class _Lines:
-    """Makes the lines of one log.
+    """The formatter of one log's messages as lines.
 
     Args:
         fields: (topic or None for all, path) to keep; none keeps whole messages.
@@ -61,7 +61,7 @@ class _Lines:
         return self._decoders[connection]
 
     def of(self, path: str, selection: Selection, span: TimeSpan) -> Iterator[Dict[str, Any]]:
-        """The lines of a log, as data."""
+        """Yield the lines of a log, as data."""
         with open_log(path) as reader:
             for line in require_match(selection, reader.connections, path):
                 print("jaka_bag: note: %s" % line, file=sys.stderr)

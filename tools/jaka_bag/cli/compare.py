@@ -21,7 +21,7 @@ from .quantities import positive_number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options for one log; those for many may stand beside them."""
+    """Add the options for one log to a parser, which may have those for many as well."""
     add = parser.add_argument
     add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen, .bag or .mcap")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")

@@ -92,12 +92,12 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag completion``."""
+    """Add the options of ``jaka_bag completion`` to a parser."""
     parser.add_argument("shell", choices=("bash", "zsh"), help="to use it: source <(jaka_bag completion SHELL)")
 
 
 def _options() -> Dict[str, List[argparse.Action]]:
-    """The options of each command that is installed, from its own declaration, without those that help hides."""
+    """Return the options of each installed command, from its own declaration, without those that help hides."""
     result = {}
     for name in filter(is_installed, COMMANDS):
         parser = argparse.ArgumentParser()
@@ -108,20 +108,20 @@ def _options() -> Dict[str, List[argparse.Action]]:
 
 
 def options_by_command() -> Dict[str, List[str]]:
-    """The option words of each command that is installed."""
+    """Return the option words of each installed command."""
     return {name: sorted(word for action in actions for word in action.option_strings)
             for name, actions in _options().items()}
 
 
 def _values(form: str) -> str:
-    """A line of a shell's ``case`` for each option that takes one of a few values."""
+    """Return a line of a shell's ``case`` for each option that takes one of a few values."""
     return "\n".join(form % ("|".join('"%s %s"' % (name, word) for word in action.option_strings),
                              " ".join(map(str, action.choices)))
                      for name, actions in _options().items() for action in actions if action.choices)
 
 
 def _families(names: Iterable[str]) -> Dict[str, List[str]]:
-    """First word of each command of two words, and the second ones."""
+    """Return the second words of commands of two words, by the first word."""
     families: Dict[str, List[str]] = {}
     for name in names:
         first, _, second = name.partition(" ")
@@ -152,5 +152,5 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _cases(form: str, words: Dict[str, List[str]]) -> str:
-    """A line of a shell's ``case`` for each name, with its words."""
+    """Return a line of a shell's ``case`` for each name, with its words."""
     return "\n".join(form % (name, " ".join(some)) for name, some in words.items())

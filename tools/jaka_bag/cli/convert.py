@@ -33,7 +33,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag convert``."""
+    """Add the options of ``jaka_bag convert`` to a parser."""
     add_source(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix",
                source=".bag, .mcap or .mcap.active, a rosbag2 folder, or a folder: all logs in it")
     parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",

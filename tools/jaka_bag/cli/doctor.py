@@ -22,13 +22,13 @@ _VERDICTS = {DAMAGED: "damaged: jaka_bag recover keeps the %d messages that can 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag doctor``."""
+    """Add the options of ``jaka_bag doctor`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active")
     add_report(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Examine; the exit code."""
+    """Print a diagnosis of each log; return the exit code."""
     report = Report(args)
     documents: List[Dict[str, Any]] = []
 

@@ -18,7 +18,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag du``."""
+    """Add the options of ``jaka_bag du`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active")
     add_report(parser)
 

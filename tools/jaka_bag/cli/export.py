@@ -19,7 +19,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag export``."""
+    """Add the options of ``jaka_bag export`` to a parser."""
     add_source(parser, ".csv, .npz or .parquet")
     add_topics(parser.add_argument_group("which messages (default: all)"))
     add_report(parser)

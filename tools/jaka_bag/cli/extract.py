@@ -19,7 +19,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag extract``."""
+    """Add the options of ``jaka_bag extract`` to a parser."""
     parser.add_argument("source", metavar="SRC", help=".mcap or .mcap.active (a .bag has no attachments)")
     parser.add_argument("names", nargs="*", metavar="NAME", help="attachments and metadata (default: all)")
     add_output(parser, "folder to write into", False, "FOLDER")

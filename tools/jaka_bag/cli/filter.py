@@ -26,7 +26,7 @@ nearest name, or the log's true range.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag filter``."""
+    """Add the options of ``jaka_bag filter`` to a parser."""
     add_source(parser, "its suffix, .bag or .mcap, decides about the format")
     parser.add_argument("--keep-latched", action="store_true",
                         help="also the newest message before --start of each latched publisher, with its own time")

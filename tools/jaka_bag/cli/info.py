@@ -27,7 +27,7 @@ Exit code: 0 done, 1 a file could not be read (the others are shown), 2 usage.
 
 
 def add_arguments(parser: "argparse.ArgumentParser") -> None:
-    """Declare the options of ``jaka_bag info``."""
+    """Add the options of ``jaka_bag info`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE",
                         help=".bag, .mcap, .mcap.active, recognised by content; a rosbag2 folder")
     parser.add_argument("--freq", action="store_true",
@@ -59,7 +59,7 @@ def _codecs(codecs: Iterable[Tuple[str, int, int, int]]) -> List[Dict[str, Any]]
 
 
 def document_of(index: LogIndex) -> Dict[str, Any]:
-    """The facts of a log's index as JSON data; times and durations in s, ``*_ns`` in ns."""
+    """Return the facts of a log's index as JSON data; times and durations in s, ``*_ns`` in ns."""
     start, end = index.start_time, index.end_time
     types = {(c.datatype, c.md5sum): None for c in index.connections}
     return {
@@ -134,7 +134,7 @@ def _text(document: Dict[str, Any]) -> str:
 
 
 def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
-    """What the recorder knew to be lost, by topic."""
+    """Add the recorder's account of lost messages by topic."""
     import json
 
     from ..containers.registry import read_metadata
@@ -155,7 +155,7 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
 
 
 def _add_accident(index: LogIndex, document: Dict[str, Any]) -> None:
-    """What a black box wrote about triggers, host, clock and versions."""
+    """Add a black box's records of triggers, host, clock and versions."""
     from ..containers.registry import read_metadata
 
     for entry in index.metadata:

@@ -109,14 +109,14 @@ BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a
 
 
 def is_installed(name: str) -> bool:
-    """Whether the package that brings a subcommand is there."""
+    """Return whether the package that brings a subcommand is installed."""
     from importlib.util import find_spec
     needed = COMMANDS[name].needs
     return not needed or find_spec(needed) is not None
 
 
 def load_command(name: str) -> ModuleType:
-    """The module of a subcommand.
+    """Import the module of a subcommand.
 
     Raises:
         MissingCommand: The package that brings it is not installed.
@@ -136,12 +136,12 @@ _CONTROLS.update({code: "\\u%04x" % code for code in [*range(0x202A, 0x202F), *r
 
 
 def printable(text: object) -> str:
-    """A text for a terminal: what would steer it, as in a topic's name that was made up, is shown as an escape."""
+    """Return a text for a terminal, with its control characters escaped: a topic's name may be made up to steer it."""
     return str(text).translate(_CONTROLS)
 
 
 def error_line(error: Exception) -> str:
-    """What went wrong, in one line that steers no terminal."""
+    """Return an error as one line without control characters."""
     if isinstance(error, OSError) and not isinstance(error, JakaBagError):
         text = "%s%s" % ("%s: " % error.filename if error.filename else "", error.strerror or error)
     else:
@@ -169,7 +169,7 @@ def for_each_file(files: Iterable[str], work: Callable[[str], object]) -> int:
 
 
 def human_bytes(count: float) -> str:
-    """A number of bytes for people."""
+    """Format a number of bytes for people."""
     for unit in ("B", "kB", "MB", "GB"):
         if abs(count) < 1000 or unit == "GB":
             break
@@ -189,13 +189,13 @@ def _help() -> str:
 
 
 def command_of(words: List[str]) -> Tuple[str, List[str]]:
-    """The name of a command, of one word or two, at the beginning of these words, and what follows it."""
+    """Split words into the name of a command, of one word or two, and the words after it."""
     count = 2 if " ".join(words[:2]) in COMMANDS else 1
     return " ".join(words[:count]), words[count:]
 
 
 def _instead(name: str) -> str:
-    """What to say behind a name that is no command: what does it here, or which command was probably meant."""
+    """Return the hint after an unknown command: where that function is, or which command was probably meant."""
     family = [command for command in COMMANDS if command.startswith(name + " ")]
     if family:
         return ": it is one of %s" % ", ".join(family)
@@ -207,7 +207,7 @@ def _instead(name: str) -> str:
 
 
 def _columns() -> int:
-    """Width of help texts: the terminal's, as argparse takes it, but without the modules that it imports for that."""
+    """Return the width of help texts as argparse computes it, but without the modules that it imports for that."""
     try:
         return max(os.get_terminal_size(sys.stdout.fileno()).columns - 2, 40)
     except (OSError, ValueError):
@@ -215,7 +215,7 @@ def _columns() -> int:
 
 
 def parser_of(name: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
-    """The parser of a subcommand, whose module is given, with help texts of so many columns."""
+    """Return the parser of a subcommand whose module is given, with help texts of ``width`` columns."""
     return _parser("%s %s" % (PROGRAM, name), COMMANDS[name].summary, module, width)
 
 
@@ -240,7 +240,7 @@ def _run(module: ModuleType, program: str, summary: str, arguments: List[str]) -
 
 
 def _with_files_first(parser: "argparse.ArgumentParser", words: List[str]) -> List[str]:
-    """The words with the files in front that stand behind a list of topics or types: they belong to no such list."""
+    """Return the words with the files moved before lists of topics or types, which would take them in."""
     lists = {word for action in parser._actions if action.nargs == "+" and action.metavar != "FILE"
              for word in action.option_strings}
     files: List[str] = []
@@ -256,13 +256,13 @@ def _with_files_first(parser: "argparse.ArgumentParser", words: List[str]) -> Li
 
 
 def _is_log(word: str) -> bool:
-    """Whether a word names a log rather than a topic or a type."""
+    """Return whether a word names a log rather than a topic or a type."""
     return word.endswith((".bag", ".mcap", ".active")) or (
         os.path.isfile(word) or os.path.isfile(os.path.join(word, "metadata.yaml")))
 
 
 def _end_at_sigterm() -> None:
-    """SIGTERM as Ctrl-C, so that no half file stays; only where nobody else has decided about it."""
+    """Handle SIGTERM like Ctrl-C, so that no half file stays; only where nobody else has set a handler."""
     import signal
 
     try:
@@ -295,14 +295,14 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 def live(argv: Optional[List[str]] = None) -> int:
-    """The program ``jaka_foxglove``; the result is the exit code: 0 done, 1 failed, 2 usage."""
+    """Run the command ``jaka_foxglove``; return the exit code: 0 done, 1 failed, 2 usage."""
     arguments = sys.argv[1:] if argv is None else list(argv)
     return _guarded(LIVE_PROGRAM, LIVE_PROGRAM, LIVE.failed, lambda: _run(
         importlib.import_module(LIVE.module), LIVE_PROGRAM, LIVE.summary, arguments))
 
 
 def _guarded(program: str, command: str, failed: int, run: Callable[[], int]) -> int:
-    """The exit code of ``run``, with a line for what goes wrong and then the exit code ``failed``."""
+    """Return the exit code of ``run``; print an error that it raises, and return 2 for usage, else ``failed``."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # names in logs may hold bytes that are not UTF-8: print them escaped rather than fail
         sys.stdout.reconfigure(errors="backslashreplace")

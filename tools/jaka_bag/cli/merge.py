@@ -13,7 +13,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag merge``."""
+    """Add the options of ``jaka_bag merge`` to a parser."""
     parser.add_argument("sources", nargs="+", metavar="SRC", help=".bag, .mcap and .mcap.active files, in any order")
     add_output(parser, "its suffix, .bag or .mcap, decides about the format")
     add_compression(parser)

@@ -1,4 +1,4 @@
-"""What recorder and player say: lines on standard error that nobody waits for, and an account as JSON.
+"""The output of recorder and player: lines on standard error that nobody waits for, and an account as JSON.
 
 A full pipe or a paused terminal holds no recording up.
 """
@@ -62,12 +62,12 @@ class Notices:
         self._listener.stop()
 
     def say(self, line: str) -> None:
-        """Say one line, but for ``quiet``; returns at once."""
+        """Print one line unless ``quiet``; return at once."""
         if not self._quiet:
             self.always(line)
 
     def always(self, line: str) -> None:
-        """Say one line that must be said; returns at once."""
+        """Print one line even if ``quiet``; return at once."""
         self._logger.info("%s", line)
 
 

@@ -19,23 +19,23 @@ TIME_HELP = ("2m, 5s, 1:30 after the log's start; with a minus: before its end; 
 
 def add_source(parser: argparse.ArgumentParser, output: str, metavar: str = "DST",
                source: str = ".bag, .mcap or .mcap.active") -> None:
-    """Declare one input, its output (behind it, or with -o) and ``--force``; the texts are their help."""
+    """Add one input, its output (second, or with -o) and ``--force``; the texts are their help."""
     parser.add_argument("source", metavar="SRC", help=source)
     parser.add_argument("target", metavar=metavar, nargs="?", help="the output, the same as -o")
     add_output(parser, output, False, metavar)
 
 
 def add_output(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
-    """Declare an output and ``--force``; ``output`` is its help."""
+    """Add an output and ``--force``; ``output`` is its help."""
     parser.add_argument("-o", "--output", metavar=metavar, required=is_required, help=output)
     parser.add_argument("-f", "--force", action="store_true", help="overwrite the output")
 
 
 def output_of(args: argparse.Namespace) -> Optional[str]:
-    """The output that a command of ``add_source`` was given; None where it was given none.
+    """Return the output given to a command of ``add_source``; None where there is none.
 
     Raises:
-        UsageError: It was given two.
+        UsageError: There are two.
     """
     if args.target is not None and args.output is not None:
         raise UsageError("two outputs: %s and -o %s" % (args.target, args.output))
@@ -44,10 +44,10 @@ def output_of(args: argparse.Namespace) -> Optional[str]:
 
 
 def required_output_of(args: argparse.Namespace) -> str:
-    """The output that a command of ``add_source`` was given.
+    """Return the output given to a command of ``add_source``.
 
     Raises:
-        UsageError: It was given none, or two.
+        UsageError: There is none, or there are two.
     """
     output = output_of(args)
     if output is None:
@@ -56,7 +56,7 @@ def required_output_of(args: argparse.Namespace) -> str:
 
 
 def add_topics(parser: argparse._ActionsContainer) -> None:
-    """Declare the options that choose topics."""
+    """Add the options that choose topics."""
     parser.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="these topics")
     parser.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
                         help="topics whose whole name matches; may be repeated")
@@ -65,7 +65,7 @@ def add_topics(parser: argparse._ActionsContainer) -> None:
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that choose messages."""
+    """Add the options that choose messages."""
     group = parser.add_argument_group("which messages (default: all)")
     add_topics(group)
     group.add_argument("--types", nargs="+", default=[], metavar="TYPE", help="these message types (package/Type)")
@@ -73,7 +73,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
 
 
 def add_span(group: argparse._ActionsContainer) -> None:
-    """Declare the options that choose a time."""
+    """Add the options that choose a time span."""
     group.add_argument("-s", "--start", type=time_point, metavar="TIME", help="from TIME on: " + TIME_HELP)
     group.add_argument("--until", "--end", dest="end", type=time_point, metavar="TIME",
                        help="up to TIME, given likewise")
@@ -82,15 +82,15 @@ def add_span(group: argparse._ActionsContainer) -> None:
 
 
 def selection_of(args: argparse.Namespace) -> Selection:
-    """The topics and types that the options choose."""
+    """Return the topics and types that the options choose."""
     return Selection(tuple(args.topics), tuple(args.regex), tuple(args.exclude), tuple(args.types))
 
 
 def span_of(args: argparse.Namespace) -> TimeSpan:
-    """The time that the options choose.
+    """Return the time span that the options choose.
 
     Raises:
-        UsageError: They choose two ends.
+        UsageError: The options give two ends.
     """
     if args.end is not None and args.duration is not None:
         raise UsageError("--until and --duration do not go together")
@@ -98,7 +98,7 @@ def span_of(args: argparse.Namespace) -> TimeSpan:
 
 
 def add_compression(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that choose the compression of the output."""
+    """Add the options that choose the compression of the output."""
     group = parser.add_argument_group("compression")
     group.add_argument("-c", "--compression", choices=("none", "lz4", "zstd", "bz2"),
                        help="none, lz4, zstd (.mcap), bz2 (.bag); default zstd for .mcap, none for .bag")
@@ -106,18 +106,18 @@ def add_compression(parser: argparse.ArgumentParser) -> None:
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that say how much is said."""
+    """Add the options that choose the output on the terminal."""
     group = parser.add_argument_group("what is said")
     group.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
     group.add_argument("--json", action="store_true", help="the summary as JSON on stdout")
 
 
 class Progress:
-    """Shows how far a task is; a stream of None stays silent.
+    """A progress bar; silent for a stream of None.
 
     Args:
         total: Bytes to be worked on.
-        name: What is worked on.
+        name: Name of the file or task.
         stream: Where to draw.
     """
 
@@ -130,7 +130,7 @@ class Progress:
         self._line = 0
 
     def __call__(self, size: int, messages: int) -> None:
-        """Some bytes and messages more are done."""
+        """Add bytes and messages that are done."""
         if self._stream is None:
             return
         self._bytes += size
@@ -173,32 +173,32 @@ class Report:
         self._quiet: bool = args.quiet
 
     def progress(self, *sources: Union[str, Path]) -> Progress:
-        """A progress bar over the bytes of some files; silent without a terminal."""
+        """Return a progress bar over the bytes of some files; silent without a terminal."""
         total = sum(path.stat().st_size for source in map(Path, sources)
                     for path in (source.rglob("*") if source.is_dir() else [source]) if path.is_file())
         return self.progress_over(total, Path(sources[0]).name)
 
     def progress_over(self, total: int, name: str) -> Progress:
-        """A progress bar over so many bytes of what has this name; silent without a terminal."""
+        """Return a progress bar over ``total`` bytes; silent without a terminal."""
         return Progress(total, name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
     def done(self, line: str) -> None:
-        """One result, for people."""
+        """Print one result, for people."""
         if not self._json and not self._quiet:
             print(printable(line))
 
     def tell(self, kind: str, texts: Iterable[str]) -> None:
-        """Lines about results: ``note`` what to know of a whole one, ``lost`` what is not kept, ``error`` a failure."""
+        """Print lines about results: ``note`` on a whole one, ``lost`` on what is not kept, ``error`` on a failure."""
         for text in texts:
             print("jaka_bag: %s: %s" % (kind, printable(text)), file=sys.stderr)
 
     def finish(self, document: Dict[str, Any]) -> None:
-        """All results as one JSON document."""
+        """Print all results as one JSON document."""
         if self._json:
             print(json.dumps(document, indent=1))
 
     def only(self, line: str, document: Dict[str, Any], notes: Iterable[str] = ()) -> int:
-        """The one result, with what to know of it; the exit code."""
+        """Print the only result, with notes on it; return the exit code."""
         self.done(line)
         self.tell("note", notes)
         self.finish(document)

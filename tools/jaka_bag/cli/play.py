@@ -45,7 +45,7 @@ Exit code: 0 done, 1 failed, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag play``."""
+    """Add the options of ``jaka_bag play`` to a parser."""
     add = parser.add_argument
     add("files", nargs="*", metavar="FILE", help=".bag or .mcap; several are played as one")
     what = parser.add_argument_group("what to play")
@@ -100,10 +100,10 @@ def _signals_stop() -> Iterator[None]:
 
 
 class _LogTopics:
-    """What subscribers see of a log: an offer for each topic and type, and /clock.
+    """The topics of a log as subscribers see them: an offer for each topic and type, and /clock.
 
     Attributes:
-        offers: By number of the log's connection.
+        offers: Offers by number of the log's connection.
     """
 
     def __init__(self, publisher: Publisher) -> None:
@@ -151,7 +151,7 @@ class _LogTopics:
 
 
 def limits_of(args: argparse.Namespace, source: LogSource) -> Tuple[int, int]:
-    """The first and the last log time to play, ns.
+    """Return the first and the last log time to play, ns.
 
     Raises:
         UsageError: The log has nothing there.

@@ -30,7 +30,7 @@ def _field(text: str) -> Tuple[str, str]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag plot``."""
+    """Add the options of ``jaka_bag plot`` to a parser."""
     add_source(parser, ".svg or .png; default: SRC as .svg")
     parser.add_argument("--field", type=_field, action="append", default=[], metavar="TOPIC:FIELD",
                         help="draw this field, as /arm:pose.x; may be repeated")
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _sketch(reader: LogReader, selection: Selection, topics: Sequence[str], args: argparse.Namespace,
             report: Report) -> Sketch:
-    """What there is to draw; a topic whose messages are not understood is left out, and told of."""
+    """Return the sketch of the topics; leave out, and report, a topic whose messages cannot be decoded."""
     fields = None if args.field else fields_to_draw(reader.connections)
 
     def take(sketch: Sketch, some: Sequence[str]) -> None:

@@ -28,7 +28,7 @@ def given(text: str) -> str:
 
 
 def nanoseconds(text: str) -> int:
-    """A duration in ns, 0 or more, from ``5``, ``500ms``, ``5s``, ``2m``, ``1h``, ``1:30`` or ``1:02:03.5``."""
+    """Parse a duration, ns, 0 or more, from ``5``, ``500ms``, ``5s``, ``2m``, ``1h``, ``1:30`` or ``1:02:03.5``."""
     words = text.strip()
     clock = _CLOCK.match(words)
     match = _NUMBER.match(words)
@@ -45,12 +45,12 @@ def nanoseconds(text: str) -> int:
 
 
 def duration(text: str) -> float:
-    """A duration in s, written as ``nanoseconds`` takes it."""
+    """Parse a duration as ``nanoseconds`` does; return it in s."""
     return nanoseconds(text) / NS_PER_S
 
 
 def positive_ns(text: str) -> int:
-    """A duration above 0 in ns, written as ``nanoseconds`` takes it."""
+    """Parse a duration above 0 as ``nanoseconds`` does; return it in ns."""
     ns = nanoseconds(text)
     if not ns:
         raise argparse.ArgumentTypeError("%r is not a duration above 0" % text)
@@ -58,11 +58,11 @@ def positive_ns(text: str) -> int:
 
 
 def time_point(text: str) -> TimePoint:
-    """A moment in a log.
+    """Parse a moment in a log.
 
-    A duration (``12.5``, ``1:30``) counts from its start, with a minus from its end. Absolute are numbers from 1e8 on
-    (s since the epoch), numbers with nine decimals as ``info`` prints them (``42.000000000``), and those behind an
-    ``@``.
+    A duration (``12.5``, ``1:30``) counts from the log's start, with a minus from its end. Absolute are numbers from
+    1e8 on (s since the epoch), numbers with nine decimals as ``info`` prints them (``42.000000000``), and those behind
+    an ``@``.
     """
     words = text.strip()
     printed = _AS_INFO_PRINTS.match(words)
@@ -76,7 +76,7 @@ def time_point(text: str) -> TimePoint:
 
 
 def size(text: str) -> int:
-    """A size in byte from ``1000``, ``64k``, ``64M`` or ``1G`` (powers of 1024)."""
+    """Parse a size, byte, from ``1000``, ``64k``, ``64M`` or ``1G`` (powers of 1024)."""
     match = _NUMBER.match(text)
     unit = match.group(2).lower().rstrip("b") if match else ""
     if not match or unit not in _BYTES:
@@ -85,13 +85,13 @@ def size(text: str) -> int:
 
 
 def megabytes(text: str) -> int:
-    """A size in byte from a number of MB (1024 x 1024 byte), or with a unit as ``size`` takes it."""
+    """Parse a size, byte, from a number of MB (1024 x 1024 byte), or with a unit as ``size`` takes it."""
     match = _NUMBER.match(text)
     return size(text + "M" if match and not match.group(2) else text)
 
 
 def positive_number(text: str) -> float:
-    """A number above 0."""
+    """Parse a number above 0."""
     try:
         value = float(text)
     except ValueError:
@@ -102,7 +102,7 @@ def positive_number(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """A whole number, 0 or more."""
+    """Parse a whole number, 0 or more."""
     if not re.match(r"^[0-9]+$", text):
         raise argparse.ArgumentTypeError("%r is not a whole number" % text)
     return int(text)

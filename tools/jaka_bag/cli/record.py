@@ -30,7 +30,7 @@ from .notices import Notices, write_account
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that all modes have."""
+    """Add the options that all modes have to a parser."""
     add = parser.add_argument
     add("topics", nargs="*", metavar="TOPIC", help="topics to record; with -e regular expressions")
     what = parser.add_argument_group("what to record")
@@ -131,14 +131,14 @@ def _settings(args: argparse.Namespace) -> FileSettings:
 
 
 def _take_zstd_level(args: argparse.Namespace) -> None:
-    """``--zstd TOPIC`` is ``--zstd`` and a topic: the level is a number."""
+    """Split ``--zstd TOPIC`` into ``--zstd`` and a topic: a level is a number."""
     if args.zstd and not args.zstd.isdigit():
         args.topics.insert(0, args.zstd)
         args.zstd = ""
 
 
 class Companion(Protocol):
-    """What runs beside a recording."""
+    """A task that runs beside a recording."""
 
     def start(self, node_uri: str) -> None:
         """Begin; the node is there, at this URI."""

@@ -18,7 +18,7 @@ Exit code: 0 nothing is known to be lost, 1 the result is partial or there is no
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag recover``."""
+    """Add the options of ``jaka_bag recover`` to a parser."""
     parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active")
     parser.add_argument("target", metavar="DST", nargs="?",
                         help=".bag or .mcap; default: SRC without .active, or NAME.recovered.bag")

@@ -18,7 +18,7 @@ With --force the parts of an earlier split are replaced, and those removed that 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag split``."""
+    """Add the options of ``jaka_bag split`` to a parser."""
     add_source(parser, "parts are called NAME_0.bag, NAME_1.bag, ...; default: as SRC",
                "NAME.bag|NAME.mcap")
     limits = parser.add_argument_group("where to split (at least one)")

@@ -29,7 +29,7 @@ Exit code: 0 unchanged, 1 changed or not signed, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag verify``."""
+    """Add the options of ``jaka_bag verify`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="signed logs; audit logs, or folders of them")
     parser.add_argument("--key", type=given, metavar="PUBLIC",
                         help="public key in PEM that they ought to be signed with")

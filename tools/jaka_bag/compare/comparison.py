@@ -1,4 +1,4 @@
-"""Compares two logs: all checks in their order."""
+"""The comparison of two logs: all checks in their order."""
 import dataclasses
 import heapq
 from typing import Any, Dict, Iterator, List, Optional, Tuple
@@ -25,8 +25,9 @@ class CannotCompare(BagError):
 
 
 def scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
-    """The tolerances of a candidate that ran faster: latencies of the host are the same at any speed, in the log's time
-    they grow with it.
+    """Return the tolerances for a candidate that ran faster than real time.
+
+    Latencies of the host are the same at any speed, so that they grow with it in the log's time.
     """
     def grown(section: Any, *names: str) -> Any:
         return dataclasses.replace(section, **{name: time_scale * getattr(section, name) for name in names})
@@ -89,9 +90,9 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
 
 
 def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:
-    """The windows of both logs in the order of time, so that the same time of both is read soon after each other.
+    """Merge the windows of both logs by time, so that the same time of both is read soon after each other.
 
-    Of each it says whether it is the candidate's.
+    Each comes with whether it is the candidate's.
     """
     ordered = heapq.merge(((window[0], False, window) for window in golden),
                           ((window[0] - lag, True, window) for window in candidate))
@@ -100,7 +101,7 @@ def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: flo
 
 
 def _only(run: Run, topics: List[str]) -> Run:
-    """The part of a run that these topics make."""
+    """Return the part of a run in these topics."""
     parts: Dict[str, Any] = {name: {topic: value for topic, value in getattr(run, name).items() if topic in topics}
                              for name in ("streams", "joints", "poses", "states", "fields")}
     return dataclasses.replace(run, **parts, calls=tuple(call for call in run.calls if call.topic in topics))

@@ -1,4 +1,4 @@
-"""How far a candidate may be off: the defaults, and YAML files that change them."""
+"""The tolerances of a candidate: the defaults, and YAML files that change them."""
 import dataclasses
 import difflib
 import math
@@ -30,7 +30,7 @@ def _choice(default: str, allowed: Tuple[str, ...], doc: str) -> str:
 
 @dataclass(frozen=True)
 class StreamTolerance:
-    """What must hold of a topic whatever it carries."""
+    """The limits for any topic, whatever it carries."""
 
     rate_percent: float = _number(25.0, "mean rate: off by this much, either way, of the golden rate")
     jitter_ms: float = _number(75.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
@@ -44,7 +44,7 @@ class StreamTolerance:
 
 @dataclass(frozen=True)
 class TimingTolerance:
-    """When things happen, after the lag that both logs have in common is taken out."""
+    """The limits for times of events, after the lag that both logs have in common is taken out."""
 
     event_s: float = _number(0.4, "start of a motion, a change of state, a call: off by this much")
     jitter_ms: float = _number(100.0, "stamp of one sample: off by this much")
@@ -130,11 +130,11 @@ class Tolerances:
     fields: Dict[str, Dict[str, FieldTolerance]] = field(default_factory=dict)
 
     def ignores(self, topic: str) -> bool:
-        """True where the topic is left out."""
+        """Return whether the topic is left out."""
         return any(re.fullmatch(p, topic) for p in self.ignore_topics)
 
     def is_optional(self, topic: str) -> bool:
-        """True where the topic may be missing in either log."""
+        """Return whether the topic may be missing in either log."""
         return any(re.fullmatch(p, topic) for p in self.optional_topics)
 
 
@@ -216,10 +216,10 @@ def _patterns(where: str, value: Any) -> Tuple[str, ...]:
 
 
 def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
-    """Tolerances from YAML text; what it does not name keeps its default.
+    """Parse tolerances from YAML text; a missing one keeps its default.
 
     Raises:
-        ToleranceError: Not YAML, an unknown or repeated key, a value of the wrong type or range.
+        ToleranceError: The text is not YAML, or has an unknown or repeated key or a value of the wrong type or range.
     """
     try:
         document = yaml.load(text, _UniqueKeys)
@@ -245,10 +245,10 @@ def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
 
 
 def load_tolerances(path: Optional[PathLike]) -> Tolerances:
-    """Tolerances from a YAML file; None gives the defaults.
+    """Load tolerances from a YAML file; None gives the defaults.
 
     Raises:
-        ToleranceError: It cannot be read or is not understood.
+        ToleranceError: The file cannot be read or is invalid.
     """
     if path is None:
         return Tolerances()
@@ -262,7 +262,7 @@ def load_tolerances(path: Optional[PathLike]) -> Tolerances:
 
 
 def as_yaml(tolerances: Tolerances) -> str:
-    """The tolerances as a YAML file with a comment at each key; ``parse_tolerances`` reads it."""
+    """Return the tolerances as a YAML file with a comment at each key; ``parse_tolerances`` reads it."""
     lines = ["# Tolerances of jaka_bag compare; what is left out keeps its default."]
     for name, kind in _SECTIONS.items():
         lines += ["", "%s:  # %s" % (name, (kind.__doc__ or "").rstrip("."))]

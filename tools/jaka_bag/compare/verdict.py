@@ -10,7 +10,7 @@ from .runs.run import Run
 
 
 class Outcome(enum.Enum):
-    """What one check found."""
+    """The outcome of one check."""
 
     SAME = "same"
     DIFFERENT = "different"
@@ -83,14 +83,14 @@ class Check:
 
     @property
     def amount(self) -> str:
-        """What was measured of what is allowed; empty where the check is not about an amount."""
+        """The measured amount and the limit; empty where the check is not about an amount."""
         if self.measured is None or self.limit is None:
             return ""
         return ("%.4g of %.4g %s" % (self.measured, self.limit, self.unit)).rstrip()
 
     @property
     def severity(self) -> float:
-        """How many times the limit was measured; infinite where something differs that has no amount."""
+        """The measured amount as a multiple of the limit; infinite where something differs that has no amount."""
         if self.measured is None or self.limit is None:
             return float("inf") if self.outcome is Outcome.DIFFERENT else 0.0
         if self.limit <= 0:
@@ -109,33 +109,33 @@ class Check:
 def judged(aspect: Aspect, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
            at: Optional[float] = None, golden: str = "", candidate: str = "",
            evidence: Tuple[Tuple[float, float], ...] = ()) -> Check:
-    """A check whether an amount is within its limit; NaN is not within it."""
+    """Return a check whether an amount is within its limit; NaN is not within it."""
     outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
     return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate, evidence)
 
 
 def equal(aspect: Aspect, topic: str, field: str, is_same: bool, detail: str, at: Optional[float] = None,
           golden: str = "", candidate: str = "") -> Check:
-    """A check without an amount."""
+    """Return a check without an amount."""
     outcome = Outcome.SAME if is_same else Outcome.DIFFERENT
     return Check(aspect, topic, field, outcome, detail, None, None, "", at, golden, candidate)
 
 
 def not_compared(aspect: Aspect, topic: str, field: str, why: str) -> Check:
-    """A check that was left out; says why."""
+    """Return a check that was left out, with the reason."""
     return Check(aspect, topic, field, Outcome.NOT_COMPARED, why)
 
 
 class Residual(NamedTuple):
-    """How far off the samples of one check are, beyond what jitter and stops allow.
+    """The deviations of one check's samples, beyond what jitter and stops allow.
 
     Attributes:
         time: Golden time, s, shape (n,): so many of the samples that the curve of all can be drawn.
-        off: In ``unit``, shape (n,).
-        limit: What is allowed.
-        unit: Of both.
+        off: Deviation in ``unit``, shape (n,).
+        limit: Allowed deviation.
+        unit: Unit of deviation and limit.
         near_time: Golden time of all samples within a second of the worst one, s, shape (m,).
-        near_off: In ``unit``, shape (m,).
+        near_off: Deviation of those samples in ``unit``, shape (m,).
     """
 
     time: Array
@@ -189,6 +189,6 @@ class Comparison:
 
     @property
     def first_divergence(self) -> Optional[Check]:
-        """Of the failed checks with a moment, the one whose worst moment is the earliest."""
+        """The failed check whose worst moment is the earliest; None where no failed check has a moment."""
         timed = [check for check in self.differences if check.at is not None]
         return min(timed, key=lambda check: check.at or 0.0) if timed else None

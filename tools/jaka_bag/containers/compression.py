@@ -61,7 +61,7 @@ def _lz4(level: int, for_bag: bool) -> Callable[[Any], bytes]:
 
 
 def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -> Callable[[Any], bytes]:
-    """A thread-safe function that compresses one chunk.
+    """Return a thread-safe function that compresses one chunk.
 
     Args:
         codec: ``none``, ``lz4``, ``zstd`` or ``bz2``.
@@ -79,7 +79,7 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
 
 
 def _limit(floor: int, ratio: int, stored: int) -> int:
-    """Bytes that ``stored`` bytes may claim to be when they are unpacked."""
+    """Return the largest uncompressed size, byte, that a chunk of ``stored`` bytes may claim."""
     trusted = os.environ.get(_LIMIT_NAME, "")
     return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdigit() else 0)
 
@@ -112,7 +112,7 @@ class Allowance:
 
 
 def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
-    """At most ``size`` + 1 bytes of a chunk; one more tells that there is more than claimed."""
+    """Decompress at most ``size`` + 1 bytes of a chunk; one more shows that there is more than claimed."""
     result: bytes = decoder.decompress(data, max_length=size + 1)
     return result
 
@@ -134,7 +134,7 @@ def _decompress_bz2(data: Buffer, size: int) -> bytes:
 
 
 def decompress(codec: str, data: Buffer, size: int) -> Buffer:
-    """The ``size`` bytes of one compressed chunk; never more memory than that is used.
+    """Decompress one chunk into its ``size`` bytes; never use more memory than that.
 
     Raises:
         BagFormatError: The data is damaged, its size is not ``size``, or it claims too much.
@@ -175,11 +175,11 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
 
 
 def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> bytes:
-    """As many bytes from the start of a damaged or cut-off chunk as its codec gives back.
+    """Decompress as many bytes from the start of a damaged or cut-off chunk as its codec returns.
 
     Args:
-        codec: As of ``decompress``.
-        data: What there is of the chunk.
+        codec: Name of the codec, as for ``decompress``.
+        data: Bytes of the chunk that there are.
         size: Bytes at most; None where the chunk does not say.
     """
     most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
@@ -212,7 +212,7 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
 
 
 def _joined(step: Callable[[int], bytes], most: int) -> bytes:
-    """What a decoder gives in steps, up to its first error: the decoders drop what they have when one call fails."""
+    """Return the output that a decoder gives in steps before its first error: decoders drop it when one call fails."""
     parts: List[bytes] = []
     left = most
     while left > 0:

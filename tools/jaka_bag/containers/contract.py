@@ -1,6 +1,6 @@
-"""What every format offers: a reader and a writer.
+"""The interface of every format: a reader and a writer.
 
-A format subclasses both, and says in ``LogWriter.capabilities`` what its files have a place for.
+A format subclasses both, and states in ``LogWriter.capabilities`` what its files have a place for.
 """
 from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
@@ -45,13 +45,13 @@ class Parsed(NamedTuple):
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
                 scan: Callable[[int, int], Parsed]) -> Parsed:
-    """The records of a chunk: many at once where the index leads to regular ones, else one by one and exact.
+    """Parse a chunk's records: many at once where the index leads to regular ones, else one by one and exact.
 
     Args:
         raw: The uncompressed chunk.
-        offset: Where the index says that messages start, ascending, int64; None where there is no index.
-        regular: The messages at offsets of the chunk's bytes, uint8; None where one of them is no regular record.
-        scan: The records from one byte to another, one by one, up to the first that is damaged or cut off.
+        offset: Positions of messages by the index, ascending, int64; None where there is no index.
+        regular: Returns the messages at offsets of the chunk's bytes, uint8; None where one is no regular record.
+        scan: Returns the records between two bytes, read one by one, up to the first that is damaged or cut off.
 
     Raises:
         BagFormatError: A record is damaged.
@@ -86,7 +86,7 @@ class _Renumbering:
                 self._table[file_id] = number
 
     def __call__(self, ids: Array) -> Array:
-        """The numbers.
+        """Return the numbers of connections for their ids in the file.
 
         Raises:
             BagFormatError: An id is of a connection that the log does not describe.
@@ -133,7 +133,7 @@ class LogReader:
         return sum(self.index.counts)
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
-        """The messages of one chunk, in the order of the file."""
+        """Return the messages of one chunk, in the order of the file."""
         raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
@@ -143,7 +143,7 @@ class LogReader:
                                  % (self.path, chunk.position, error)) from error
 
     def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
-        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
+        """Return connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
         entries = self._times_in_index(chunk)
         if entries is None:
             batch = self.load(chunk)
@@ -160,16 +160,16 @@ class LogReader:
         raise NotImplementedError
 
     def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:
-        """The chunks that may hold a wanted message, in the order of the file."""
+        """Return the chunks that may hold a wanted message, in the order of the file."""
         return [chunk for chunk in self.chunks
                 if message_filter.may_be_in(chunk.start_time, chunk.end_time, chunk.counts)]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
-        """The content of one of ``index.attachments``."""
+        """Return the content of one of ``index.attachments``."""
         raise NotImplementedError
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
-        """The content of one of ``index.metadata``."""
+        """Return the content of one of ``index.metadata``."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -184,7 +184,7 @@ class LogReader:
 
 
 class Capabilities(NamedTuple):
-    """What a format has a place for besides connections, log times and payloads."""
+    """The features that a format has a place for besides connections, log times and payloads."""
 
     attachments: bool
     metadata: bool
@@ -217,12 +217,12 @@ class EncodedChunk(NamedTuple):
 
 
 def message_records(batch: MessageBatch, heads: Array, prefix: bytes = b"") -> Tuple[Array, Array]:
-    """Message records one behind the other, uint8, and where each starts, int64.
+    """Return consecutive message records, uint8, and the start of each, int64.
 
     Args:
-        batch: Gives the payloads.
-        heads: What stands in front of each payload, a structured array.
-        prefix: What stands in front of all.
+        batch: Messages with the payloads.
+        heads: Bytes before each payload, a structured array.
+        prefix: Bytes before all records.
     """
     width = heads.dtype.itemsize
     size = batch.length + width
@@ -235,7 +235,7 @@ def message_records(batch: MessageBatch, heads: Array, prefix: bytes = b"") -> T
 
 
 def by_connection(number: Array, times: Array) -> Iterator[Tuple[int, Array]]:
-    """(connection, positions of its messages in the order of time) for each connection."""
+    """Yield (connection, positions of its messages in the order of time) for each connection."""
     for connection in distinct(number).tolist():
         which = np.flatnonzero(number == connection)
         own = times[which]
@@ -280,7 +280,7 @@ class LogWriter:
     usual_codec = "none"
     usual_chunk_size = 1 << 20
     is_for_ros1 = False
-    """Whether ROS 1's own tools must be able to decompress the chunks."""
+    """The flag that ROS 1's own tools must be able to decompress the chunks."""
 
     def __init__(self, target: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
                  chunk_size: Optional[int] = None, overwrite: bool = False, suffix: str = ".part",
@@ -315,7 +315,7 @@ class LogWriter:
         return len(self._payloads)
 
     def fileno(self) -> int:
-        """The descriptor, for ``fsync``."""
+        """Return the file descriptor, for ``fsync``."""
         return self._output.file.fileno()
 
     def _write(self, *pieces: bytes) -> int:
@@ -342,7 +342,7 @@ class LogWriter:
             raise WriteFailed(self.name, error) from error
 
     def add_channel(self, connection: Connection) -> int:
-        """Number of a connection in this file; an equal connection gets the same number.
+        """Return the number of a connection in this file; an equal connection gets the same number.
 
         Raises:
             BagError: The format cannot hold it.

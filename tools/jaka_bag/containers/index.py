@@ -1,4 +1,4 @@
-"""What a log says about itself at its end: connections, chunks, totals; read without numpy and without messages."""
+"""The index at a log's end: connections, chunks, totals; read without numpy and without messages."""
 import os
 from typing import BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
@@ -30,7 +30,7 @@ class ChunkRef(NamedTuple):
 
 
 class AttachmentIndex(NamedTuple):
-    """Where one attachment is; times in ns, positions and sizes in byte."""
+    """The location of one attachment; times in ns, positions and sizes in byte."""
 
     position: int
     size: int
@@ -42,7 +42,7 @@ class AttachmentIndex(NamedTuple):
 
 
 class MetadataIndex(NamedTuple):
-    """Where one metadata record is, byte."""
+    """The location of one metadata record, byte."""
 
     position: int
     size: int
@@ -67,7 +67,7 @@ CodecTotals = Tuple[str, int, int, int]
 
 
 def codec_totals(chunks: Iterable[Tuple[str, int, int]]) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec from (codec, stored bytes, uncompressed bytes) of each chunk."""
+    """Sum the totals of each codec from (codec, stored bytes, uncompressed bytes) of each chunk."""
     totals: Dict[str, Tuple[int, int, int]] = {}
     for codec, stored, full in chunks:
         count, all_stored, all_full = totals.get(codec, (0, 0, 0))
@@ -132,7 +132,7 @@ def open_for_reading(path: PathLike) -> BinaryIO:
 
 
 def read_at(descriptor: int, position: int, size: int) -> bytes:
-    """Up to ``size`` bytes of a file, fewer only at its end.
+    """Read up to ``size`` bytes of a file, fewer only at its end.
 
     Raises:
         BagError: The system refused.

@@ -1,4 +1,4 @@
-"""What reads a damaged log of any format, and what it yields."""
+"""The interface for the recovery of damaged logs of any format."""
 import functools
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
@@ -13,7 +13,7 @@ from .index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
 
 
 def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> ChunkRef:
-    """The index entry of messages that a walk has read from the bytes ``begin`` to before ``end``; at least one."""
+    """Return the index entry of at least one message that a walk has read from bytes ``begin`` to before ``end``."""
     numbers, counts = np.unique(batch.connection, return_counts=True)
     return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()),
                     dict(zip(numbers.tolist(), counts.tolist())), is_loose)
@@ -27,7 +27,7 @@ class Loss(NamedTuple):
     reason: str
 
     def describe(self) -> str:
-        """One line."""
+        """Return the loss as one line."""
         return "bytes %d to %d: %s" % (self.begin, self.end, self.reason)
 
 
@@ -49,7 +49,7 @@ class Stretch(NamedTuple):
 
 @functools.lru_cache(maxsize=1024)
 def _soundness(connection: Connection) -> int:
-    """How far a description can be believed: 2 where the md5 fits, 1 where its text is valid, else 0."""
+    """Rank how credible a description is: 2 where the md5 fits, 1 where its text is valid, else 0."""
     try:
         "".join(map(str, connection)).encode("utf-8")
         return 2 if definition_md5(connection.datatype, connection.definition) == connection.md5sum else 1
@@ -58,12 +58,12 @@ def _soundness(connection: Connection) -> int:
 
 
 class LogRecovery:
-    """Reads a damaged log as far as that goes.
+    """A reader that recovers as much of a damaged log as possible.
 
     Attributes:
         size: Bytes of the file.
-        losses: What could not be read, so far.
-        expected: Messages that the file's index tells of; None where there is no index.
+        losses: Stretches that could not be read, so far.
+        expected: Messages by the file's index; None where there is no index.
         connections: Connections declared so far, by the file's own ids.
         profile: MCAP profile of the messages.
         attachments: Whole attachments found so far.
@@ -94,19 +94,19 @@ class LogRecovery:
         self.losses.append(Loss(begin, end, reason))
 
     def stretches(self) -> Iterator[Stretch]:
-        """All messages that can be read, in the order of the file."""
+        """Yield all readable messages, in the order of the file."""
         raise NotImplementedError
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
-        """The content of one of ``attachments``."""
+        """Return the content of one of ``attachments``."""
         raise NotImplementedError
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
-        """The content of one of ``metadata``."""
+        """Return the content of one of ``metadata``."""
         raise NotImplementedError
 
     def _partly(self, codec: str, data: Buffer, at: int, size: Optional[int] = None) -> bytes:
-        """What can be unpacked of the damaged chunk at a position, which claims ``size`` bytes (None: nothing)."""
+        """Decompress as much as possible of a damaged chunk, which claims ``size`` bytes (None: no claim)."""
         raw = decompress_partly(codec, data, size)
         try:
             self.allowance.take(at, len(raw))
@@ -115,11 +115,11 @@ class LogRecovery:
         return raw
 
     def _skip_damage(self, at: int, reason: str) -> int:
-        """Where the next chunk starts behind damage, which is noted; the end of the file where there is none."""
+        """Record the damage at a position as lost; return the start of the next chunk, or the file's end."""
         end = self._next_chunk(at + 1, self.size)
         self.lose(at, end, reason)
         return end
 
     def _next_chunk(self, begin: int, stop: int) -> int:
-        """Where the next chunk starts, at the latest at ``stop``."""
+        """Return the start of the next chunk, at the latest ``stop``."""
         raise NotImplementedError

@@ -57,17 +57,17 @@ ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 
 
 def load(name: str) -> Any:
-    """The module of a name, or the object that ``module:object`` names."""
+    """Import a module by its name, or the object that ``module:object`` names."""
     module, _, attribute = name.partition(":")
     imported = importlib.import_module(module)
     return getattr(imported, attribute) if attribute else imported
 
 
 def detect_format(path: PathLike, descriptor: int) -> Format:
-    """The format of an open file, by its first bytes.
+    """Detect the format of an open file by its first bytes.
 
     Raises:
-        BagFormatError: None that is known, empty, or a version that is not supported.
+        BagFormatError: The file is empty, or of no known format or supported version.
     """
     head = read_at(descriptor, 0, 16)
     for entry in FORMATS:
@@ -97,11 +97,11 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
 
 
 def read_index(path: PathLike) -> LogIndex:
-    """The index of a log, whatever its format; needs no numpy.
+    """Read the index of a log in any format; needs no numpy.
 
     Raises:
-        BagError: It cannot be read.
-        BagFormatError: It is damaged, or has no index because the recording was cut off.
+        BagError: The log cannot be read.
+        BagFormatError: The log is damaged, or has no index because the recording was cut off.
     """
     with open_for_reading(path) as file:
         return _index_of(detect_format(path, file.fileno()), path, file.fileno())
@@ -112,7 +112,7 @@ def _records_module(index: LogIndex) -> Any:
 
 
 def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec of a log; from the heads of its chunks where the index does not say.
+    """Return the totals of each codec of a log; read from the chunks' heads where the index does not say.
 
     Raises:
         BagFormatError: A chunk's head is damaged.
@@ -130,10 +130,10 @@ def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
 
 
 def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
-    """The content of one of ``index.metadata``; needs no numpy.
+    """Read the content of one of ``index.metadata``; needs no numpy.
 
     Raises:
-        BagFormatError: It is damaged.
+        BagFormatError: The record is damaged.
     """
     with open_for_reading(index.path) as file:
         values: Dict[str, str] = _records_module(index).read_metadata(file.fileno(), entry)
@@ -141,7 +141,7 @@ def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
 
 
 def file_pieces(file: BinaryIO) -> Iterator[Tuple[int, int, str]]:
-    """A file of any format in pieces without a gap: first byte, size, what it is; its position is changed."""
+    """Yield the pieces of a file of any format, without a gap: first byte, size, kind; its position is changed."""
     size = os.fstat(file.fileno()).st_size
     at = 0
     if read_at(file.fileno(), 0, 16).startswith(b"\x89MCAP"):
@@ -171,10 +171,10 @@ def open_log(path: PathLike) -> "LogReader":
 
 
 def open_damaged(path: PathLike, descriptor: int) -> "LogRecovery":
-    """What reads an open log that may be damaged, as far as that goes.
+    """Return the recovery reader for an open log that may be damaged.
 
     Raises:
-        BagFormatError: It is of no known format, or encrypted.
+        BagFormatError: The log is of no known format, or encrypted.
     """
     recovery: LogRecovery = load(detect_format(path, descriptor).recovery)(descriptor, os.fstat(descriptor).st_size)
     return recovery

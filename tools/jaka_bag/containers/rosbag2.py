@@ -24,7 +24,7 @@ _LATCHED: List[Dict[str, Any]] = [{
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """Writes a value that occurs twice twice: not every reader of metadata.yaml knows aliases."""
+    """A YAML dumper that writes a value in full at each place: not every reader of metadata.yaml knows aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -78,7 +78,7 @@ class Rosbag2Writer(McapWriter):
             raise OutputExists("%s exists and is no rosbag2 folder: it is not overwritten" % self.folder)
 
     def add_channel(self, connection: Connection) -> int:
-        """Channel id of a ROS 1 connection; those of one topic, type and quality of service share it."""
+        """Return the channel id of a ROS 1 connection; those of one topic, type and quality of service share it."""
         known = self._channel_of.get(connection)
         if known is not None:
             return known

@@ -16,12 +16,12 @@ METADATA = "metadata.yaml"
 
 
 def is_rosbag2(path: PathLike) -> bool:
-    """Whether a path is a rosbag2 folder."""
+    """Return whether a path is a rosbag2 folder."""
     return os.path.isfile(os.path.join(str(path), METADATA))
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:
-    """The facts of a folder, from its ``metadata.yaml``, as ``jaka_bag info`` tells those of a log."""
+    """Return the facts of a folder from its ``metadata.yaml``, in the form of ``jaka_bag info`` for a log."""
     import yaml
 
     try:
@@ -48,7 +48,7 @@ def describe(folder: PathLike) -> Dict[str, Any]:
 
 
 def _is_latched(profiles: Any) -> bool:
-    """Whether one of the offered qualities of service keeps messages for late subscribers."""
+    """Return whether one of the offered qualities of service keeps messages for late subscribers."""
     if isinstance(profiles, str):  # as YAML, in older versions of rosbags
         return "durability: 1\n" in profiles + "\n" or "durability: transient_local" in profiles
     return any(getattr(profile.durability, "name", "") == "TRANSIENT_LOCAL" for profile in profiles)
@@ -111,7 +111,7 @@ class Rosbag2Folder:
                                            latching=_is_latched(source.ext.offered_qos_profiles)))
 
     def messages(self) -> Iterator[Tuple[int, int, bytes]]:
-        """(number of the connection, log time in ns, ROS 1 message) of each message, in the order of time."""
+        """Yield (number of the connection, log time in ns, ROS 1 message) of each message, in the order of time."""
         try:
             for source, log_time, raw in self._reader.messages(self._wanted) if self._wanted else ():
                 yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)

@@ -73,7 +73,7 @@ def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[MessageBatch
 
 
 def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
-    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file."""
+    """Yield all wanted messages of several logs by log time; equal times in the order of the logs and of each file."""
     queue = sorted(((chunk.start_time, k, chunk.position, chunk) for k, source in enumerate(sources)
                     for chunk in source.reader.wanted_chunks(source.message_filter)), key=lambda entry: entry[:3])
     held: List[_Held] = []
@@ -87,7 +87,7 @@ def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
 
 
 def gathered(batches: Iterable[MessageBatch], size: int) -> Iterator[MessageBatch]:
-    """The same messages in batches of at least ``size`` bytes of payload, or a quarter of a million messages."""
+    """Yield the messages in batches of at least ``size`` bytes of payload, or a quarter of a million messages."""
     held: List[MessageBatch] = []
     total = count = 0
     for batch in batches:
@@ -102,13 +102,13 @@ def gathered(batches: Iterable[MessageBatch], size: int) -> Iterator[MessageBatc
 
 
 def whole_source(reader: LogReader, selection: Optional[Selection] = None) -> Source:
-    """A log read on its own."""
+    """Return the source for a log that is read on its own."""
     connections = reader.connections
     return Source(reader, MessageFilter(selection or Selection(), connections), np.arange(len(connections)))
 
 
 def messages_of(reader: LogReader, selection: Optional[Selection] = None) -> Iterator[Message]:
-    """The wanted messages of a log, one by one, by log time."""
+    """Yield the wanted messages of a log, one by one, by log time."""
     connections = reader.connections
     for batch in in_time_order([whole_source(reader, selection)]):
         base = int(batch.start.min())

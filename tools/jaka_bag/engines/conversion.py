@@ -4,7 +4,7 @@ from .tasks import LogResult, LogTask
 
 
 def task_of(job: Job) -> LogTask:
-    """A job as a task for ``convert_task``."""
+    """Return a job as a task for ``convert_task``."""
     return LogTask(job.source, job)
 
 

@@ -21,15 +21,15 @@ from ..errors import BagError, MissingDependency
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 CONNECT_S = 20.0
-"""How long a scheduler may take to answer at the start."""
+"""Time limit, s, for a scheduler's answer at the start."""
 RETURN_S = 120.0
-"""How long a scheduler, or all workers, may be gone in the middle of the work."""
+"""Time limit, s, for the absence of the scheduler, or of all workers, in the middle of the work."""
 _LOOK_S = 2.0
 _IN_FLIGHT = 1024
 _TOGETHER = 32
-"""So many tasks are handed over in one message: one for each would cost the scheduler 6 ms of its processor time."""
+"""Number of tasks in one message: a message for each would cost the scheduler 6 ms of its processor time."""
 _TRIES = 5
-"""How many schedulers may be lost one after the other without a result in between."""
+"""Number of schedulers that may be lost one after the other without a result in between."""
 
 _CALM = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
          "distributed.admin.system-monitor.interval": "2s", "distributed.worker.memory.monitor-interval": "1s"}
@@ -42,7 +42,7 @@ workers hold each other up. See mallopt(3)."""
 
 @contextlib.contextmanager
 def _interrupts_come_here_alone() -> Iterator[None]:
-    """Ctrl-C of a terminal reaches all processes of a program: threads and processes begun here do not take it."""
+    """Block SIGINT in threads and processes that begin here: a terminal sends Ctrl-C to all processes of a command."""
     multiprocessing.resource_tracker.ensure_running()  # it would let the signal through again where it is begun
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -53,9 +53,9 @@ def _interrupts_come_here_alone() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask's own lines about lost connections are not shown: what matters of them is told by results and errors.
+    """Suppress Dask's own lines about lost connections, which results and errors report as far as they matter.
 
-    Nor is its warning of large messages, which tasks make that carry a golden log and a driver.
+    Its warning of large messages is suppressed, too: tasks that carry a golden log and a driver cause it.
     """
     logger = logging.getLogger("distributed")
     before = logger.level
@@ -69,12 +69,12 @@ def _quiet() -> Iterator[None]:
 
 
 class Dask(Engine):
-    """On Dask workers, which see the same files under the same names and have this package.
+    """An engine on Dask workers, which see the same files under the same names and have this package.
 
     Args:
-        address: Of a scheduler, as ``tcp://host:8786``; None for a cluster of this computer.
+        address: Address of a scheduler, as ``tcp://host:8786``; None for a cluster of this computer.
         workers: Processes of a cluster of this computer.
-        return_s: How long the scheduler, or all workers, may be gone, s.
+        return_s: Time limit for the absence of the scheduler, or of all workers, s.
     """
 
     def __init__(self, address: Optional[str] = None, workers: int = 2, return_s: float = RETURN_S) -> None:
@@ -140,7 +140,7 @@ class _Run:
             raise BagError("cannot reach the Dask scheduler %s: %s" % (self._address, error)) from error
 
     def _connect_again(self) -> Any:
-        """A client of the scheduler that comes after one that is gone."""
+        """Return a client of the scheduler that replaces a lost one."""
         end = time.monotonic() + self._return_s
         while True:
             try:
@@ -195,7 +195,7 @@ class _Run:
             self._lost.extend(again)
 
     def _fetch(self, future: Any, task: LogTask) -> Optional[LogResult]:
-        """The result of a task that has ended; None where the scheduler is gone and the result with it."""
+        """Return the result of a task that has ended; None where the scheduler and the result are lost."""
         wait_s = _LOOK_S
         while not future.cancelled():
             try:
@@ -213,7 +213,7 @@ class _Run:
         return None
 
     def _look_for_workers(self, client: Any, seen: float) -> float:
-        """When a worker was seen last: now, or ``seen``.
+        """Return the last time a worker was seen: now, or ``seen``.
 
         Raises:
             BagError: That is too long ago.

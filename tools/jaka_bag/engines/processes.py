@@ -8,7 +8,7 @@ from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 
 class _Worker:
-    """What a worker process does with signals: the parent gets Ctrl-C and ends its workers by SIGTERM."""
+    """The signal handling of a worker process: the parent gets Ctrl-C and ends its workers by SIGTERM."""
 
     is_at_work = False
 
@@ -37,7 +37,7 @@ class _Worker:
 
 
 class Processes(Engine):
-    """In so many processes of this computer."""
+    """An engine in several processes of this computer."""
 
     def __init__(self, count: int) -> None:
         self._count = count

@@ -14,11 +14,11 @@ DONE, SKIPPED, FAILED = "done", "skipped", "failed"
 
 
 class LogTask(NamedTuple):
-    """What to do with one log.
+    """The work on one log.
 
     Attributes:
-        path: The log, as the workers name it.
-        settings: What the function needs besides; it is pickled once for each task, so it is small.
+        path: Path of the log, as the workers name it.
+        settings: Further arguments of the function; they are pickled once for each task, so they are small.
     """
 
     path: str
@@ -26,15 +26,15 @@ class LogTask(NamedTuple):
 
 
 class LogResult(NamedTuple):
-    """What became of a task.
+    """The result of a task.
 
     Attributes:
-        path: The task's log.
+        path: Path of the task's log.
         status: ``DONE``, ``SKIPPED`` (there was nothing to do) or ``FAILED``.
-        reason: Why it failed or was skipped; what to know of one that is done.
+        reason: The reason for a failure or skip; notes on a task that is done.
         size: Bytes of the log that were worked on.
         messages: Messages that were worked on.
-        value: What the function found, picklable.
+        value: The function's result, picklable.
         seconds: Wall time on the worker, s. The only attribute that differs between two runs of the same task.
     """
 
@@ -83,7 +83,7 @@ class BoundFunction(NamedTuple):
 
 
 def _place(error: BaseException) -> str:
-    """Where an exception was raised: file and line."""
+    """Return the file and line where an exception was raised."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
@@ -91,12 +91,12 @@ def _place(error: BaseException) -> str:
 
 
 def failure(task: LogTask, reason: str) -> LogResult:
-    """The result of a task that could not be done; the reason is one line."""
+    """Return the result of a task that failed, with a reason of one line."""
     return LogResult(task.path, FAILED, reason)
 
 
 class Engine:
-    """Where tasks are done."""
+    """An executor of tasks."""
 
     def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
         """See ``run_tasks``."""
@@ -104,7 +104,7 @@ class Engine:
 
 
 class Serial(Engine):
-    """In this process, one after the other."""
+    """An engine in this process, with one task after the other."""
 
     def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
         for task in tasks:
@@ -147,7 +147,7 @@ class Tally:
         self.messages = 0
 
     def add(self, result: LogResult) -> None:
-        """One more."""
+        """Count one more result."""
         self.counts[result.status] += 1
         self.size += result.size
         self.messages += result.messages

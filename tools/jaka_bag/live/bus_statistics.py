@@ -1,4 +1,4 @@
-"""How many messages each publisher says it sent us: ``getBusInfo`` and ``getBusStats`` of the slave API.
+"""The numbers of messages that publishers report as sent to us: ``getBusInfo`` and ``getBusStats`` of the slave API.
 
 The two client libraries answer differently (ROS wiki "ROS/Slave_API"; rospy ``topics.py``, roscpp ``publication.cpp``):
 rospy gives ``[topic, bytes, [[id, bytes, messages, connected], ...]]``, within (code, message, value);
@@ -14,7 +14,7 @@ _ASK_TIMEOUT_S = 1.0
 
 
 def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, int]:
-    """Messages sent to ``subscriber``, by topic, over the connections that stand.
+    """Count messages sent to ``subscriber``, by topic, over its current connections.
 
     Args:
         subscriber: Global name of the subscribing node.
@@ -41,10 +41,10 @@ def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, i
 
 
 def ask_publisher(uri: str, subscriber: str) -> Dict[str, int]:
-    """Messages that one publishing node says it sent us, by topic.
+    """Ask one publishing node for the number of messages that it sent us, by topic.
 
     Raises:
-        ConnectionLost: It does not answer.
+        ConnectionLost: The node does not answer.
         ProtocolError: Its answer is not understood.
     """
     with RemoteNode(uri, subscriber, _ASK_TIMEOUT_S) as node:
@@ -52,7 +52,7 @@ def ask_publisher(uri: str, subscriber: str) -> Dict[str, int]:
 
 
 def ask_publishers(uris: Iterable[str], subscriber: str, timeout_s: float) -> Dict[Tuple[str, str], int]:
-    """Messages sent to us by (publisher's URI, topic); those that do not answer in time are left out."""
+    """Return messages sent to us by (publisher's URI, topic), without publishers that do not answer in time."""
     pool = ThreadPoolExecutor(16, "bus-stats")
     asked = {pool.submit(ask_publisher, uri, subscriber): uri for uri in uris}
     done, _ = wait(asked, timeout_s)

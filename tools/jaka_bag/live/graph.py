@@ -88,7 +88,7 @@ class RemoteNode:
 
 
 def master_uri() -> str:
-    """Where the master is: ``ROS_MASTER_URI``, else the usual place."""
+    """Return the master's URI: ``ROS_MASTER_URI``, else the usual one."""
     return os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
 
 
@@ -98,14 +98,14 @@ class _Handler(xmlrpc.server.SimpleXMLRPCRequestHandler):
     timeout = 60.0
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Say nothing of peers that are silent or go away."""
+        """Suppress reports of peers that are silent or go away."""
 
 
 class _Server(socketserver.ThreadingMixIn, xmlrpc.server.SimpleXMLRPCServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A peer that hangs up in mid-call is no event."""
+        """Ignore a peer that hangs up in mid-call."""
 
 
 class SlaveServer:

@@ -43,7 +43,7 @@ class Keyboard:
         return self._before is not None
 
     def wait(self, timeout_s: float) -> str:
-        """Keys pressed; waits at most so long, s, for the first."""
+        """Wait at most ``timeout_s`` for keys; return those that were pressed."""
         if self._before is None or self._descriptor is None:
             select.select([], [], [], timeout_s)
             return ""

@@ -1,4 +1,4 @@
-"""How late messages were sent: counts in logarithmic bins, so that hours of playing need no memory."""
+"""The distribution of messages' lateness in logarithmic bins, so that hours of playing need no memory."""
 import math
 from typing import List
 
@@ -34,7 +34,7 @@ class Lateness:
         self.max_s = max(self.max_s, other.max_s)
 
     def quantile(self, fraction: float) -> float:
-        """The value that ``fraction`` (0 to 1) of all values do not exceed, s; 0 where there are none."""
+        """Return the value, s, that ``fraction`` (0 to 1) of all values do not exceed; 0 where there are none."""
         left = fraction * self.count
         for number, count in enumerate(self._bins):
             left -= count

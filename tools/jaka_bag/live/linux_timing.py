@@ -10,10 +10,10 @@ from typing import Iterator
 
 _PR_SET_TIMERSLACK = 29
 _PR_GET_TIMERSLACK = 30
-"""prctl(2): how late the kernel may wake this thread, ns; 50 us unless set."""
+"""Option of prctl(2) for the timer slack: the kernel's delay, ns, in waking this thread; 50 us unless set."""
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 _SCHED_ATTR = struct.Struct("=IIQiIQQQ")
-"""sched_setattr(2): size, policy, flags, nice, priority, runtime, deadline, period."""
+"""Fields of sched_setattr(2): size, policy, flags, nice, priority, runtime, deadline, period."""
 _SLICE_NS = 100000
 """Time slice asked for, the shortest there is (Linux 6.12 and newer): a waking thread with a short slice goes first."""
 _SWITCH_INTERVAL_S = 0.0002

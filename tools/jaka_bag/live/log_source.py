@@ -92,11 +92,11 @@ class LogSource:
 
     @property
     def notes(self) -> List[str]:
-        """What the logs have that was skipped, one line each."""
+        """The records that were skipped in the logs, one line each."""
         return ["%s: %s" % (reader.path, note) for reader in self._readers for note in reader.index.notes]
 
     def unmatched(self) -> List[str]:
-        """What is wanted by name and no log has, one line each."""
+        """Return a line for each name that is wanted and that no log has."""
         return unmatched(self._choice, [connection for reader in self._readers for connection in reader.connections])
 
     def close(self) -> None:
@@ -119,13 +119,13 @@ class LogSource:
                                                               part.start.tolist(), part.length.tolist())]
 
     def last_before(self, time: int) -> List[Timed]:
-        """The newest message of each latching connection before a log time, ns, in the order of time."""
+        """Return the newest message of each latching connection before a log time, ns, in the order of time."""
         return self.newest(time - 1, [number for number, c in enumerate(self.connections) if c.latching])
 
     def newest(self, time: int, wanted: Collection[int]) -> List[Timed]:
-        """The newest message of each wanted connection up to a log time, ns, in the order of time.
+        """Return the newest message of each wanted connection up to a log time, ns, in the order of time.
 
-        Chunks are read from the end on, and only those which, by the index, may hold what is not found yet.
+        Chunks are read from the end on, and only those which, by the index, may hold a message that is not found yet.
         """
         found: Dict[int, Timed] = {}
         parts = [(min(chunk.end_time, time), chunk.position, reader, numbers, chunk)
@@ -148,12 +148,12 @@ class LogSource:
         return sorted(found.values())
 
     def play(self, begin: Optional[int], end: Optional[int], topics: Collection[str] = ()) -> "ReadAhead":
-        """The wanted messages from a log time to another, ns, None for the whole; close it after use.
+        """Return the wanted messages from a log time to another, ns, None for the whole; close it after use.
 
         Args:
             begin: First log time, ns.
             end: Last log time, ns.
-            topics: Of the wanted topics only these; none for all.
+            topics: The only topics among the wanted ones; none for all.
         """
         selection = self._choice._replace(start_time=begin, end_time=end)
         if topics:
@@ -210,7 +210,7 @@ class ReadAhead:
             yield from batch
 
     def poll(self) -> Optional[List[Timed]]:
-        """The next batch, an empty one at the end, None while none is ready; not to be mixed with iterating.
+        """Return the next batch, an empty one at the end, None while none is ready; not to be mixed with iterating.
 
         Raises:
             BagError: The log cannot be read on.

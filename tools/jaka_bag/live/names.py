@@ -33,13 +33,13 @@ def split_remappings(words: Iterable[str]) -> Tuple[List[str], Dict[str, str]]:
 
 
 def anonymous_name(base: str) -> str:
-    """A node name that no other node has: base, process number, time and chance."""
+    """Return a node name that no other node has: base, process number, time and a random number."""
     return "%s_%d_%d_%04x" % (base, os.getpid(), time.time_ns() // 1000000, random.randrange(65536))
 
 
 @dataclass(frozen=True)
 class NodeNames:
-    """Who a node is, and how it reads names.
+    """The names of a node, and its name resolution.
 
     Attributes:
         node: Global name of the node.
@@ -52,7 +52,7 @@ class NodeNames:
     remappings: Mapping[str, str] = field(default_factory=dict)
 
     def resolve(self, name: str) -> str:
-        """The global name that ``name`` stands for, after remapping."""
+        """Resolve a name to a global one, after remapping."""
         if not _LEGAL_NAME.match(name):
             raise BagError("%r is not a legal ROS name" % name)
         resolved = _globalise(name, self.namespace, self.node)
@@ -68,7 +68,7 @@ def _globalise(name: str, namespace: str, node: str) -> str:
 
 
 def node_names(default: str, remappings: Mapping[str, str], environment: Mapping[str, str]) -> NodeNames:
-    """Names from ``NAME:=VALUE`` words and the environment (``ROS_NAMESPACE``).
+    """Derive a node's names from ``NAME:=VALUE`` words and the environment (``ROS_NAMESPACE``).
 
     Args:
         default: The node's name unless ``__name:=`` gives one.
@@ -89,7 +89,7 @@ def node_names(default: str, remappings: Mapping[str, str], environment: Mapping
 
 
 def host_address(environment: Mapping[str, str]) -> Tuple[str, str]:
-    """This host as other nodes reach it, and the address to listen on.
+    """Return this host's name as other nodes reach it, and the address to listen on.
 
     Returns:
         Host for URIs (``ROS_HOSTNAME``, else ``ROS_IP``, else this host's name), bind address: the loopback address

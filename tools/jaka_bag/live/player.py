@@ -1,4 +1,4 @@
-"""Plays messages at their times: absolute deadlines, pause and step, /clock, and an account of how late each was."""
+"""The player of messages at their times: absolute deadlines, pause and step, /clock, and an account of lateness."""
 import time
 from dataclasses import dataclass
 from typing import Callable, Dict, Iterable, Optional
@@ -11,21 +11,21 @@ from .log_source import Timed
 _PAUSE_POLL_S = 0.05
 _LEAST_SPIN_S = 60e-6
 _SPIN_SHARE = 0.1
-"""Of a short wait only so much is spent polling: a thread that computes all the time is made to wait by others."""
+"""Largest share of a short wait that is spent polling: other threads delay one that computes all the time."""
 _PAUSED = "paused: space goes on, s steps"
 
 
 @dataclass(frozen=True)
 class Pace:
-    """When messages are sent.
+    """The schedule by which messages are sent.
 
     Attributes:
-        rate: Log seconds in each second.
+        rate: Log seconds per second.
         is_immediate: Send without waiting.
-        is_paused: Begin in pause.
-        spin_s: At most so much of the end of each wait is spent polling the clock, s; punctual, and costs CPU.
+        is_paused: Begin paused.
+        spin_s: Largest part, s, of the end of each wait that is spent polling the clock; punctual, and costs CPU.
         skip_empty_s: Gaps of the log longer than this are skipped, s of log time; None keeps them.
-        clock_period_s: The clock is told this often besides at each message, s; None: there is no clock.
+        clock_period_s: Period of ``/clock``, which is published at each message as well, s; None: there is no clock.
     """
 
     rate: float = 1.0
@@ -37,21 +37,21 @@ class Pace:
 
 
 class Player:
-    """Sends messages one after the other, each when its time has come.
+    """A player that sends messages one after the other, each when its time has come.
 
     A message that comes late does not move those after it: they keep their own times.
 
     Args:
-        pace: When.
+        pace: Schedule of the messages.
         send: Sends one message.
         send_clock: Publishes a log time, ns, as the time.
-        keyboard: Where keys come from: space pauses and goes on, s steps.
+        keyboard: Source of keys: space pauses and resumes, s steps.
         idle: Called while waiting, often: serves subscribers that have come.
         notice: Takes a line for the user.
 
     Attributes:
-        accounts: By connection: how many messages were sent, and how late; immediate ones are never late.
-        is_paused: Whether it waits for a key.
+        accounts: By connection: number of messages sent, and their lateness; immediate ones are never late.
+        is_paused: The player waits for a key.
     """
 
     def __init__(self, pace: Pace, send: Callable[[Timed], None], send_clock: Callable[[int], None],
@@ -74,7 +74,7 @@ class Player:
         return self._wall_base + (log_time - self._log_base) / (NS_PER_S * self._pace.rate)
 
     def _log_now(self) -> int:
-        """The log time that is due now, ns."""
+        """Return the log time, ns, that is due now."""
         if self.is_paused:
             return self._log_base
         return self._log_base + int((time.monotonic() - self._wall_base) * self._pace.rate * NS_PER_S)
@@ -153,7 +153,7 @@ class Player:
             pass
 
     def _tick(self, log_time: int) -> None:
-        """Tell the clock, where it is due, that it is ``log_time``, ns."""
+        """Publish ``log_time``, ns, as the time where that is due."""
         if self._pace.clock_period_s is None or time.monotonic() < self._next_tick:
             return
         self._next_tick += self._pace.clock_period_s
@@ -180,7 +180,7 @@ class Player:
                 self._steps += 1
 
     def total_of(self, connections: Iterable[int]) -> Lateness:
-        """The account of several connections together."""
+        """Return the account of several connections together."""
         total = Lateness()
         for number in connections:
             total.merge(self.accounts[number])

@@ -57,7 +57,7 @@ class TopicPublisher:
 
 
 def frame_of(payload: bytes) -> bytes:
-    """A message as TCPROS sends it."""
+    """Encode a message as TCPROS sends it."""
     return _LENGTH.pack(len(payload)) + payload
 
 
@@ -211,7 +211,7 @@ class Publisher:
         link.sent_bytes += len(data)
 
     def has_subscribers(self) -> bool:
-        """True when each topic has at least one subscriber."""
+        """Return whether each topic has at least one subscriber."""
         self.admit()
         subscribed = {offer.topic for offer in self.offers if offer.links}
         return all(offer.topic in subscribed for offer in self.offers)

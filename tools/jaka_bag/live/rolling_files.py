@@ -31,7 +31,7 @@ class Attachment(NamedTuple):
 
 @dataclass(frozen=True)
 class FileSettings:
-    """How a recording is stored.
+    """The settings for the files of a recording.
 
     Attributes:
         stem: Path of the log without number and suffix.
@@ -40,11 +40,11 @@ class FileSettings:
         level: The codec's own level; None for the fast default.
         chunk_bytes: A chunk is closed at this size, byte.
         chunk_age_s: A chunk is closed when its first message came this long ago, s.
-        fsync_s: What is written is forced to the disk this often, s; 0 leaves it to the system.
+        fsync_s: Period, s, at which written data are forced to the disk; 0 leaves it to the system.
         split_bytes: A new file is begun at this size, byte, or the only one is large enough; None for never.
         split_s: A new file is begun after this log time, s; None for never.
         is_split: Files are numbered.
-        max_splits: Only so many files are kept, the oldest is removed; 0 keeps all.
+        max_splits: Number of files that are kept, the oldest is removed; 0 keeps all.
         min_space: Recording stops when the disk has less than this left, byte.
         repeat_latched: Begin each further file with the newest message of each latched stream.
         overwrite: Replace files of the same name.
@@ -66,7 +66,7 @@ class FileSettings:
     overwrite: bool = False
 
     def path(self, number: int) -> Path:
-        """Final name of the file with this number, from 0."""
+        """Return the final name of the file with this number, from 0."""
         return self.stem.with_name("%s%s.%s" % (self.stem.name, "_%d" % number if self.is_split else "",
                                                 self.container))
 

@@ -26,18 +26,18 @@ _LOSS_NOTICE_PERIOD_S = 10.0
 
 
 class Session:
-    """Joins a transport, a selection and a recorder.
+    """A recording session, which joins a transport, a selection and a recorder.
 
     Args:
-        recorder: Where messages go; not started yet.
+        recorder: Receiver of the messages; not started yet.
         selection: The topics wanted.
-        accept: Says whether a publisher's stream on a wanted topic belongs to the log.
+        accept: Returns whether a publisher's stream on a wanted topic belongs to the log.
         notice: Takes a line for the user.
         duration_s: Recording ends after this time, s; None for never. Log time where that is simulated.
 
     Attributes:
         stop: Set to end the recording.
-        end_reason: Why it ended, for the user.
+        end_reason: Reason of the end, for the user.
     """
 
     def __init__(self, recorder: WriterThread, selection: TopicSelection, accept: Callable[[Connection], bool],
@@ -56,7 +56,7 @@ class Session:
         self.end_reason = ""
 
     def open_stream(self, connection: Connection, publisher: str) -> Stream:
-        """For the transport: the account of a new link."""
+        """Return the account of a new link; called by the transport."""
         is_wanted = self._selection.node is not None or self._selection.wants(connection.topic)
         return self._recorder.open_stream(connection, publisher, is_wanted)
 
@@ -217,7 +217,7 @@ class Session:
 
 
 def knows_node(master: RemoteNode, node: str) -> bool:
-    """Whether a node is registered with the master; one that was restarted knows none."""
+    """Return whether a node is registered with the master; a master that was restarted knows none."""
     try:
         master.call("lookupNode", node)
         return True
@@ -226,7 +226,7 @@ def knows_node(master: RemoteNode, node: str) -> bool:
 
 
 def read_parameter(master: RemoteNode, name: str) -> Any:
-    """A parameter of the master's server; None where it is not set."""
+    """Return a parameter of the master's server; None where it is not set."""
     try:
         return master.call("getParam", name)
     except ProtocolError:
@@ -234,7 +234,7 @@ def read_parameter(master: RemoteNode, name: str) -> Any:
 
 
 def parameter_dump(master: RemoteNode) -> bytes:
-    """All parameters, as JSON, which ``rosparam load`` reads as YAML; what JSON lacks becomes its text."""
+    """Return all parameters as JSON, which ``rosparam load`` reads as YAML; other values become text."""
     return json.dumps(master.call("getParam", "/"), indent=1, sort_keys=True, default=str).encode() + b"\n"
 
 

@@ -1,4 +1,4 @@
-"""How many messages of each publisher were received, written and lost: the account of a recording."""
+"""The account of a recording: how many messages of each publisher were received, written and lost."""
 import json
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -10,7 +10,7 @@ _SEQUENCE_WRAP = 1 << 32
 
 
 def starts_with_header(connection: Connection) -> bool:
-    """True where the type's first field is a ``std_msgs/Header``, so that number and stamp lie at known bytes."""
+    """Return whether the type's first field is a ``std_msgs/Header``, so that number and stamp lie at known bytes."""
     try:
         fields = parse_definition(connection.datatype, connection.definition)[connection.datatype].fields
     except DefinitionError:
@@ -63,7 +63,7 @@ class Stream:
         return self.written + self.overflowed + self.unwritten
 
     def reopen(self) -> None:
-        """A new link of the same publisher: its numbers start anew."""
+        """Start the account of a new link of the same publisher, whose numbers start anew."""
         self._undelivered_before = self.undelivered or 0
         self.link_start = self.received
         self.next_sequence = None
@@ -121,7 +121,7 @@ class TopicDrops(NamedTuple):
         return bool(self.missing or self.undelivered or self.overflowed or self.unwritten)
 
     def describe(self) -> str:
-        """One line: what was lost and how that is known."""
+        """Return one line: the losses and the evidence for each."""
         losses = ((self.missing, "%d missing by header.seq"),
                   (self.undelivered, "%d sent but not received (publisher's bus statistics)"),
                   (self.overflowed, "%d thrown away, the recorder's buffer was full"),
@@ -135,7 +135,7 @@ def _sum_known(values: Sequence[Optional[int]]) -> Optional[int]:
 
 
 def drops_by_topic(streams: Sequence[Stream]) -> Dict[str, TopicDrops]:
-    """The account of each recorded topic, by topic name."""
+    """Return the account of each recorded topic, by topic name."""
     groups: Dict[str, List[Stream]] = {}
     for stream in streams:
         if stream.is_wanted:
@@ -151,5 +151,5 @@ def drops_by_topic(streams: Sequence[Stream]) -> Dict[str, TopicDrops]:
 
 
 def drops_as_metadata(drops: Dict[str, TopicDrops]) -> Dict[str, str]:
-    """The account as a MCAP metadata record holds it: topic to a JSON object."""
+    """Return the account as a MCAP metadata record holds it: topic to a JSON object."""
     return {topic: json.dumps(account._asdict(), sort_keys=True) for topic, account in drops.items()}

@@ -38,7 +38,7 @@ def accept_all(connection: Connection) -> bool:
 
 
 class _Publisher:
-    """What the loop knows of one publisher of one topic."""
+    """The loop's state of one publisher of one topic."""
 
     def __init__(self) -> None:
         self.is_listed = True
@@ -135,14 +135,14 @@ class Subscriber:
         return [[fd, publisher, "i", "TCPROS", topic, 1, "TCPROS"] for fd, topic, publisher in self.links()]
 
     def links(self) -> List[Tuple[int, str, str]]:
-        """Links that stand: file descriptor, topic, XMLRPC URI of the publisher."""
+        """Return the established links: file descriptor, topic, XMLRPC URI of the publisher."""
         return [(fd, link.topic, link.publisher) for fd, (link, _) in list(self._links.items())
                 if link.connection is not None]
 
     # The loop's thread
 
     def fileno(self) -> int:
-        """A file descriptor that is readable while ``poll`` has something to do, but for its clockwork."""
+        """Return a file descriptor that is readable while ``poll`` has something to do, but for its clockwork."""
         return self._epoll.fileno()
 
     def poll(self, timeout_s: float) -> None:

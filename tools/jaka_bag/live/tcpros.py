@@ -28,13 +28,13 @@ _MAX_MESSAGE = 1 << 30
 _CONNECT_TIMEOUT_S = 5.0
 
 Deliver = Callable[[Any, int, bytes], None]
-"""Takes one message: the link's ``tag``, host time of receipt in ns since the epoch, the serialised message."""
+"""A callback for one message: the link's ``tag``, host time of receipt, ns since the epoch, serialised message."""
 
 _KNOWN_FIELDS = ("topic", "type", "md5sum", "message_definition", "callerid", "latching")
 
 
 def encode_header(fields: Mapping[str, str]) -> bytes:
-    """Connection header with its length."""
+    """Encode a connection header with its length."""
     parts = []
     for name, value in fields.items():
         item = ("%s=%s" % (name, value)).encode("utf-8", "surrogateescape")
@@ -44,7 +44,7 @@ def encode_header(fields: Mapping[str, str]) -> bytes:
 
 
 def decode_header(body: bytes) -> Dict[str, str]:
-    """Fields of a connection header, its length not included."""
+    """Decode the fields of a connection header, its length not included."""
     fields: Dict[str, str] = {}
     at = 0
     while at < len(body):
@@ -62,7 +62,7 @@ def decode_header(body: bytes) -> Dict[str, str]:
 
 
 def connection_of(topic: str, fields: Mapping[str, str]) -> Connection:
-    """What a publisher's connection header says, as a log stores it."""
+    """Convert a publisher's connection header to the form that a log stores."""
     if "error" in fields:
         raise ProtocolError("publisher of %s refused: %s" % (topic, fields["error"]))
     if "type" not in fields or "md5sum" not in fields:
@@ -74,7 +74,7 @@ def connection_of(topic: str, fields: Mapping[str, str]) -> Connection:
 
 
 def resolve(host: str, port: int) -> Tuple[str, int]:
-    """Host and port with the host as a number, which connecting to does not wait for; may take long itself."""
+    """Resolve a host to its numeric address, to which connecting does not wait; this call may take long itself."""
     try:
         target = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4]
     except OSError as error:
@@ -132,7 +132,7 @@ class PublisherLink:
             raise ConnectionLost("cannot reach %s:%d" % address)
 
     def fileno(self) -> int:
-        """File descriptor to poll."""
+        """Return the file descriptor to poll."""
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:

@@ -1,4 +1,4 @@
-"""Which topics a recording takes."""
+"""The selection of topics for a recording."""
 from dataclasses import dataclass
 from typing import Callable, Optional, Pattern, Tuple
 
@@ -29,21 +29,21 @@ class TopicSelection:
     node: Optional[str] = None
 
     def is_excluded(self, topic: str) -> bool:
-        """True for a topic that is never wanted."""
+        """Return whether a topic is never wanted."""
         return self.exclude is not None and self.exclude.fullmatch(topic) is not None
 
     def wants(self, topic: str) -> bool:
-        """Whether a topic is wanted by its name."""
+        """Return whether a topic is wanted by its name."""
         if self.is_excluded(topic):
             return False
         return self.everything or topic in self.names or any(p.fullmatch(topic) for p in self.patterns)
 
 
 def state_log_topics(names: NodeNames) -> Tuple[str, ...]:
-    """The topics of one driver and what belongs to it in its namespace.
+    """Return the topics of one driver and those that belong to it in its namespace.
 
-    ``tf``, ``tf_static`` and ``diagnostics`` are published under global names by most nodes: those are among the
-    topics too, and ``is_of_namespace`` says whose messages on them belong to the log.
+    ``tf``, ``tf_static`` and ``diagnostics`` are published under global names by most nodes: those are among the topics
+    too, and ``is_of_namespace`` decides whose messages on them belong to the log.
     """
     topics = [names.resolve("jaka_driver/" + name) for name in _DRIVER_TOPICS]
     topics.extend(names.resolve(name) for name in _NAMESPACE_TOPICS)
@@ -52,7 +52,7 @@ def state_log_topics(names: NodeNames) -> Tuple[str, ...]:
 
 
 def is_of_namespace(namespace: str) -> Callable[[Connection], bool]:
-    """Whether a stream comes from a node of the namespace, or lies on a topic of it."""
+    """Return a function that tells whether a stream comes from a node of the namespace, or lies on a topic of it."""
     prefix = namespace.rstrip("/") + "/"
 
     def accept(connection: Connection) -> bool:

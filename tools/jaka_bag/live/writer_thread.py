@@ -1,4 +1,4 @@
-"""From the network's messages to log files: a bounded buffer between the receiving thread and a writing one."""
+"""The writer of log files: a bounded buffer between the thread that receives messages and one that writes them."""
 import collections
 import struct
 import threading
@@ -22,7 +22,7 @@ _Item = Tuple[Stream, int, int, bytes]
 
 
 class MessageFiles(Protocol):
-    """Where the writing thread puts messages: ``RollingFiles``, or what makes files of some of them."""
+    """The receiver of the writing thread's messages: ``RollingFiles``, or a black box, which keeps some of them."""
 
     messages: int
     finished: List[Path]
@@ -45,20 +45,19 @@ class MessageFiles(Protocol):
 
 
 class WriterThread:
-    """Takes messages in the receiving thread, writes them in another.
+    """A buffer that takes messages in the receiving thread and writes them in another.
 
     Args:
-        open_files: Makes the place where messages go; called in ``start``.
-        buffer_bytes: Payload bytes that may wait for the writer; what is beyond is thrown away and counted; 0 for no
-            limit.
+        open_files: Makes the receiver of messages; called in ``start``.
+        buffer_bytes: Payload bytes that may wait for the writer; further ones are dropped and counted; 0 for no limit.
         is_simulated_time: Log times are those of ``/clock``, not the host's.
         limit: Messages to record of each topic; 0 for all.
-        item_bytes: What a waiting message counts beside its payload, byte.
+        item_bytes: Cost of a waiting message besides its payload, byte.
         notice: Takes a line for the user.
         on_stop: Called from the writing thread, with the reason, when recording cannot or need not go on.
 
     Attributes:
-        failure: What ended the recording; None while it goes on or when a limit was reached.
+        failure: The error that ended the recording; None while it goes on or when a limit was reached.
         full_topics: Topics of which ``limit`` messages were taken.
         messages: Messages in finished files.
         finished_paths: Finished files, oldest first.
@@ -103,13 +102,13 @@ class WriterThread:
         self._thread.start()
 
     def streams(self) -> List[Stream]:
-        """All streams seen so far."""
+        """Return all streams seen so far."""
         return list(self._streams.values())
 
     # The receiving thread
 
     def open_stream(self, connection: Connection, publisher: str, is_wanted: bool = True) -> Stream:
-        """The account of a new link; a publisher that comes back continues its own."""
+        """Return the account of a new link; a publisher that comes back continues its own."""
         stream = self._streams.get((connection, publisher))
         if stream is not None:
             stream.reopen()

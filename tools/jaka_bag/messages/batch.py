@@ -47,31 +47,31 @@ class MessageBatch:
         return len(self.start)
 
     def take(self, which: Union[Array, slice]) -> "MessageBatch":
-        """The messages that ``which`` (a mask, indices or a slice) picks; the buffer is shared."""
+        """Return the messages that ``which`` (a mask, indices or a slice) picks; the buffer is shared."""
         return MessageBatch(self.data, self.start[which], self.length[which], self.connection[which],
                      self.log_time[which], self.publish_time[which], self.sequence[which])
 
     def copy(self) -> "MessageBatch":
-        """The same messages in a buffer that holds nothing else."""
+        """Return the messages in a buffer that holds nothing else."""
         return concatenate([self, self.take(slice(0, 0))])
 
     def replace(self, **arrays: Array) -> "MessageBatch":
-        """The same messages with other arrays, by name."""
+        """Return the messages with other arrays, by name."""
         return MessageBatch(**{name: arrays.get(name, getattr(self, name)) for name in self.__slots__})
 
     def with_connections(self, mapping: Array) -> "MessageBatch":
-        """The same messages, connection ``c`` renumbered to ``mapping[c]``."""
+        """Return the messages with connection ``c`` renumbered to ``mapping[c]``."""
         return self.replace(connection=mapping[self.connection].astype(np.int32))
 
 
 def empty_batch() -> MessageBatch:
-    """A batch without messages."""
+    """Return a batch without messages."""
     none = np.zeros(0, np.int64)
     return MessageBatch(np.zeros(0, np.uint8), none, none, none.astype(np.int32), none)
 
 
 def distinct(values: Array) -> Array:
-    """The distinct values of a non-negative integer array, ascending; faster than ``unique`` for small ones."""
+    """Return the distinct values of a non-negative integer array, ascending; faster than ``unique`` for small ones."""
     if len(values) == 0:
         return values
     if int(values.max()) <= 1 << 16:
@@ -80,7 +80,7 @@ def distinct(values: Array) -> Array:
 
 
 def windows(data: Array, width: int) -> Array:
-    """View of a contiguous uint8 buffer as all its windows of ``width`` bytes (at least 1), dtype void.
+    """Return all windows of ``width`` bytes (at least 1) of a contiguous uint8 buffer as a view, dtype void.
 
     Opaque elements are gathered and scattered several times as fast as rows of bytes.
     """
@@ -88,7 +88,7 @@ def windows(data: Array, width: int) -> Array:
 
 
 def rows(batch: MessageBatch, which: Array, length: int) -> Array:
-    """The bytes of messages that all have ``length``, uint8, shape (len(which), length)."""
+    """Return the bytes of messages that all have ``length``, uint8, shape (len(which), length)."""
     if length == 0:
         return np.zeros((len(which), 0), np.uint8)
     taken: Array = windows(batch.data, length)[batch.start[which]].view(np.uint8)
@@ -110,7 +110,7 @@ def copy_pieces(source: Array, source_start: Array, target: Array,
 
 
 def concatenate(batches: Sequence[MessageBatch]) -> MessageBatch:
-    """One batch with the messages of all, in the order given; only bytes of messages are copied."""
+    """Join batches into one, in the order given; only bytes of messages are copied."""
     if len(batches) == 1:
         return batches[0]
     if not batches:
@@ -128,7 +128,7 @@ def concatenate(batches: Sequence[MessageBatch]) -> MessageBatch:
 
 
 def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:
-    """The batch cut, in order, into batches of at most ``max_bytes`` of messages (a larger message stays whole)."""
+    """Split a batch, in order, into batches of at most ``max_bytes`` of messages (a larger message stays whole)."""
     total = int(batch.length.sum())
     if total <= max_bytes and len(batch) <= _MOST_IN_PIECE or len(batch) <= 1:
         return [batch]
@@ -145,7 +145,7 @@ def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:
 
 
 def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, int]]]:
-    """The stretches that no message covers; None where messages overlap or there are too many of them."""
+    """Return the stretches that no message covers; None where messages overlap or the stretches are too many."""
     begins = np.concatenate([[0], end])
     ends = np.concatenate([start, [total]])
     if (ends < begins).any():
@@ -157,7 +157,7 @@ def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, 
 
 
 class Rows:
-    """Collects (start, length, connection, log time[, publish time, sequence]) of each message in little memory."""
+    """A compact store of (start, length, connection, log time[, publish time, sequence]) of each message."""
 
     def __init__(self, has_publish: bool) -> None:
         self._width = 6 if has_publish else 4
@@ -175,7 +175,7 @@ class Rows:
         self._rows = []
 
     def batch(self, data: Array) -> MessageBatch:
-        """The messages, which lie in ``data``; the collection is empty afterwards."""
+        """Return the messages, which lie in ``data``, and empty the store."""
         self._pack()
         fields = np.empty((self._width, sum(map(len, self._tables))), np.int64)
         self._tables.reverse()

@@ -17,13 +17,13 @@ _WORTH_A_MAP = 8
 
 
 class ByteMap(NamedTuple):
-    """How CDR messages of one layout are made: constant bytes, and stretches (from, to, length) copied in."""
+    """The recipe for CDR messages of one layout: constant bytes, and stretches (from, to, length) to copy in."""
 
     template: Array
     stretches: Tuple[Tuple[int, int, int], ...]
 
     def apply(self, rows: Array) -> Array:
-        """CDR messages of ROS 1 messages, uint8, one a row."""
+        """Convert ROS 1 messages, uint8, one a row, to CDR messages."""
         result = np.empty((len(rows), len(self.template)), np.uint8)
         result[:] = self.template
         for source, target, length in self.stretches:
@@ -32,7 +32,7 @@ class ByteMap(NamedTuple):
 
 
 def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
-    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions."""
+    """Learn the byte map of a layout from rosbags' conversion of messages whose bytes encode their positions."""
     position = np.arange(layout.length)
     probes = []
     for digits in (position & 255, position >> 8 & 255, ~position & 255):
@@ -50,10 +50,10 @@ def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
 
 
 class CdrConverter:
-    """Converts the messages of one connection; one for each thread, maps are learnt as layouts appear.
+    """A converter for the messages of one connection; use one for each thread: it learns maps as layouts appear.
 
     Args:
-        connection: Gives type and definition.
+        connection: Connection with type and definition.
 
     Attributes:
         kind: The ROS 2 side of the type.
@@ -69,7 +69,7 @@ class CdrConverter:
         self._seen: Dict[Layout, int] = {}
 
     def _map_of(self, group: Group) -> Optional[ByteMap]:
-        """The byte map of a group; None where one is not worth learning."""
+        """Return the byte map of a group; None where one is not worth learning."""
         layout = group.layout
         if layout.length > _MAP_LIMIT:
             return None
@@ -80,7 +80,7 @@ class CdrConverter:
         return self._maps.get(layout)
 
     def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
-        """(positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
+        """Return (positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
         result = []
         for group in self._finder.groups(batch, which):
             byte_map = self._map_of(group)
@@ -93,11 +93,11 @@ class CdrConverter:
 
 
 def cdr_batch(batch: MessageBatch, converters: Dict[int, CdrConverter]) -> MessageBatch:
-    """The same messages as CDR, in the same order.
+    """Convert messages to CDR, in the same order.
 
     Args:
         batch: ROS 1 messages.
-        converters: By number of the connection.
+        converters: Converters by number of the connection.
     """
     length = np.zeros(len(batch), np.int64)
     parts = []

@@ -44,7 +44,7 @@ def _strings(matrix: Array, leaf: Leaf) -> Array:
 
 
 def leaf_values(matrix: Array, leaf: Leaf) -> Array:
-    """A field of messages of one layout: shape (n,), or (n, values) for an array."""
+    """Return a field of messages of one layout: shape (n,), or (n, values) for an array."""
     if leaf.type == "string":
         values = _strings(matrix, leaf)
     else:
@@ -73,7 +73,7 @@ class Part(NamedTuple):
 
 
 def _join(where: List[Array], values: List[Array], count: int) -> Array:
-    """One column from the values of each layout of each chunk and their positions."""
+    """Join one column from the values of each layout of each chunk and their positions."""
     if len({v.shape[1:] for v in values}) > 1:
         ragged = np.empty(count, object)
         for places, some in zip(where, values):
@@ -90,7 +90,7 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
 
 
 def part_of(batch: MessageBatch, groups: List[Group], fields: Optional[Container[str]] = None) -> Part:
-    """The messages of one topic in a batch, given by layout; with some ``fields`` only, where these are named."""
+    """Return the messages of one topic in a batch, given by layout; with some ``fields``, only these."""
     among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
     return Part(batch.log_time[among], batch.publish_time[among], [
         _Taken(np.searchsorted(among, group.which),
@@ -100,7 +100,7 @@ def part_of(batch: MessageBatch, groups: List[Group], fields: Optional[Container
 
 
 def columns_of(connection: Connection, parts: List[Part]) -> Columns:
-    """One topic's columns from its parts, which are given in the order of the file."""
+    """Join one topic's columns from its parts, which are given in the order of the file."""
     log_time = np.concatenate([part.log_time for part in parts])
     publish_time = np.concatenate([part.publish_time for part in parts])
     where: Dict[str, List[Array]] = {}

@@ -1,4 +1,4 @@
-"""What a log knows about one publisher's stream."""
+"""The description of one publisher's stream in a log."""
 from typing import NamedTuple, Optional, Tuple
 
 

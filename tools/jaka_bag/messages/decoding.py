@@ -13,14 +13,14 @@ from .values import ValueReader
 
 
 class Decoder:
-    """Makes data for JSON of the messages of one connection.
+    """A decoder of one connection's messages into data for JSON.
 
     Messages become objects, arrays lists, times ``{"secs": ..., "nsecs": ...}``, arrays of bytes base64 text, and
     numbers that are none the texts ``NaN``, ``Infinity`` and ``-Infinity``, as in protobuf's JSON. Messages that are
     JSON are taken as they are.
 
     Args:
-        connection: Gives type and definition.
+        connection: Connection with type and definition.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -30,7 +30,7 @@ class Decoder:
             self._reader = ValueReader(connection, _as_object, "surrogateescape")
 
     def decode(self, raw: bytes) -> Any:
-        """One message."""
+        """Decode one message."""
         try:
             return json.loads(raw) if self._is_json else _for_json(self._reader.read(raw))
         except (ValueError, DefinitionError, RecursionError) as error:
@@ -54,7 +54,7 @@ def _for_json(value: Any) -> Any:
 
 
 def pick(value: Any, path: str) -> Any:
-    """The part of a decoded message that a path names.
+    """Return the part of a decoded message that a path names.
 
     Args:
         value: A decoded message.

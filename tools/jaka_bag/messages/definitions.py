@@ -75,7 +75,7 @@ def _parse_field(type_name: str, name: str, package: str) -> Field:
 
 
 def parse_type(datatype: str, text: str) -> MessageType:
-    """The fields and constants of one ``.msg`` text (without those of the types in it)."""
+    """Parse the fields and constants of one ``.msg`` text (without those of the types in it)."""
     package = datatype.split("/")[0]
     constants: List[Constant] = []
     fields: List[Field] = []
@@ -100,7 +100,7 @@ def parse_type(datatype: str, text: str) -> MessageType:
 
 
 def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
-    """All types of a full definition (``====`` between them), by full name; the first is ``datatype`` itself."""
+    """Parse all types of a full definition (``====`` between them), by full name; the first is ``datatype`` itself."""
     types: Dict[str, MessageType] = {}
     name = datatype
     lines: List[str] = []
@@ -120,7 +120,7 @@ def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
 
 
 def types_of(connection: Connection) -> Dict[str, MessageType]:
-    """The types of a connection's messages, as ``parse_definition`` gives them.
+    """Return the types of a connection's messages, as ``parse_definition`` does.
 
     Raises:
         DefinitionError: The messages are not those of ROS 1, or the definition is not understood.
@@ -137,7 +137,7 @@ def types_of(connection: Connection) -> Dict[str, MessageType]:
 
 def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...],
                   known: Dict[str, Tuple[int, int]]) -> Tuple[int, int]:
-    """How many fields a type has with all that is in it, and how deep it is; both are limited."""
+    """Return the number of a type's fields, nested ones included, and its depth; both are limited."""
     if name in known:
         return known[name]
     if name not in types:
@@ -159,7 +159,7 @@ def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ..
 
 
 def md5_of(datatype: str, types: Dict[str, MessageType], known: Optional[Dict[str, str]] = None) -> str:
-    """md5 of a type as ROS 1 computes it (genmsg ``gentools``): constants, then fields, nested types by md5.
+    """Compute a type's md5 as ROS 1 does (genmsg ``gentools``): constants, then fields, nested types by md5.
 
     Args:
         datatype: Full name.
@@ -181,5 +181,5 @@ def md5_of(datatype: str, types: Dict[str, MessageType], known: Optional[Dict[st
 
 
 def definition_md5(datatype: str, text: str) -> str:
-    """md5 of the type that a full definition text describes."""
+    """Compute the md5 of the type that a full definition text describes."""
     return md5_of(datatype, parse_definition(datatype, text))

@@ -1,4 +1,4 @@
-"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together.
+"""The positions of fields in serialised ROS 1 messages: messages of one layout are handled together.
 
 ``DefinitionError`` is raised where the definition is not understood or does not describe a message.
 """
@@ -36,12 +36,12 @@ class Leaf(NamedTuple):
 
 
 def is_bytes(leaf: Leaf) -> bool:
-    """Whether a field is an array of bytes, which belong together rather than being numbers of their own."""
+    """Return whether a field is an array of bytes, which belong together rather than being numbers of their own."""
     return leaf.is_array and leaf.type in ("uint8", "char", "byte", "int8")
 
 
 class Layout:
-    """Where each field lies in all messages that have the same lengths of strings and arrays.
+    """The position of each field in all messages that have the same lengths of strings and arrays.
 
     Attributes:
         length: Bytes of a message.
@@ -58,7 +58,7 @@ class Layout:
 
 
 class _Walker:
-    """Walks over one message along its definition."""
+    """A walk over one message along its definition."""
 
     def __init__(self, types: Dict[str, MessageType], raw: bytes) -> None:
         self._types = types
@@ -70,7 +70,7 @@ class _Walker:
         self.runs: Dict[str, Tuple[str, List[int], List[int], bool]] = {}
 
     def _least_size(self, type_name: str) -> int:
-        """Bytes that a value of a type has at least; where there are none, none has any."""
+        """Return the least number of bytes of a type's value; zero only where no value has any."""
         if type_name == "string":
             return 4
         if type_name in PRIMITIVE_SIZES:
@@ -139,7 +139,7 @@ class _Walker:
 
 
 def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layout:
-    """The layout of one message."""
+    """Return the layout of one message."""
     walker = _Walker(types, raw)
     walker.walk(datatype, "", False)
     if walker.at != len(raw):
@@ -159,10 +159,10 @@ class Group(NamedTuple):
 
 
 class LayoutFinder:
-    """Sorts the messages of one connection by layout.
+    """A sorter of one connection's messages by layout.
 
     Args:
-        connection: Its definition is followed, whatever its md5.
+        connection: Connection whose definition is followed, whatever its md5.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -179,12 +179,12 @@ class LayoutFinder:
             raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
 
     def leaf(self, name: str) -> Optional[Leaf]:
-        """A field as it lies in one of the layouts met so far; None where it was not met."""
+        """Return a field from one of the layouts met so far; None where it was not met."""
         return next((layout.leaves[name] for known in self._known.values() for layout in known
                      if name in layout.leaves), None)
 
     def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
-        """The messages at positions ``which`` of a batch, by layout."""
+        """Yield the messages at positions ``which`` of a batch, by layout."""
         length = batch.length[which]
         for size in distinct(length).tolist():
             rest = which[length == size]

@@ -17,19 +17,19 @@ _RENAMED = {"tf/tfMessage": "tf2_msgs/TFMessage"}  # the one ROS 1 type that ROS
 
 
 def _short(error: Exception) -> str:
-    """What an exception of rosbags says, without the definition that it may quote."""
+    """Return the text of an exception of rosbags, without the definition that it may quote."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= 160 else text[:160] + "..."
 
 
 def ros2_name(datatype: str) -> str:
-    """``package/Type`` as ROS 2 writes it, ``package/msg/Type``."""
+    """Convert ``package/Type`` to ROS 2's form, ``package/msg/Type``."""
     package, _, name = _RENAMED.get(datatype, datatype).partition("/")
     return "%s/msg/%s" % (package, name)
 
 
 def with_ros2_constants(definition: str) -> str:
-    """A ROS 1 definition with the constants named as ROS 2 wants it, in capitals, and without those it cannot have."""
+    """Return a ROS 1 definition with constants in capitals, and without those that ROS 2 cannot have."""
     lines = []
     for line in definition.splitlines():
         constant = _CONSTANT.match(line)
@@ -84,7 +84,7 @@ class Ros2Type:
                 connection.topic, connection.datatype, _short(error))) from error
 
     def to_cdr(self, message: bytes) -> bytes:
-        """A serialised ROS 1 message as CDR.
+        """Convert a serialised ROS 1 message to CDR.
 
         Raises:
             DefinitionError: The definition does not describe these bytes.
@@ -96,7 +96,7 @@ class Ros2Type:
 
 
 def _needed(name: str, known: Dict[str, Any]) -> Set[str]:
-    """A type and those that it is made of, by their names in rosbags' nested tuples of fields."""
+    """Return a type and those that it is made of, by their names in rosbags' nested tuples of fields."""
     found: Set[str] = set()
     waiting: List[Any] = [name]
     while waiting:
@@ -110,13 +110,13 @@ def _needed(name: str, known: Dict[str, Any]) -> Set[str]:
 
 
 def _definitions_in(store: Any) -> Dict[str, Any]:
-    """The types that a store of rosbags knows; the last version for Python 3.8 has another name for them."""
+    """Return the types that a store of rosbags knows; the last version for Python 3.8 has another name for them."""
     found: Dict[str, Any] = store.fielddefs if hasattr(store, "fielddefs") else store.FIELDDEFS
     return found
 
 
 def ros1_name(type_name: str) -> str:
-    """``package/msg/Type`` as ROS 1 writes it, ``package/Type``."""
+    """Convert ``package/msg/Type`` to ROS 1's form, ``package/Type``."""
     return type_name.replace("/msg/", "/", 1)
 
 
@@ -164,7 +164,7 @@ class Ros1Type:
             raise DefinitionError("%s has no ROS 1 form: ROS 1 has no bounded types and no wide strings" % name)
 
     def to_ros1(self, message: bytes) -> bytes:
-        """A CDR message as ROS 1 serialises it; ``header.seq``, which ROS 2 does not have, is 0.
+        """Convert a CDR message to ROS 1's form; ``header.seq``, which ROS 2 does not have, is 0.
 
         Raises:
             DefinitionError: The definition does not describe these bytes.

@@ -1,4 +1,4 @@
-"""Which messages of a log are wanted: topics, types, times.
+"""The selection of a log's messages: topics, types, times.
 
 ``BagError`` is raised where a pattern is no regular expression, ``UsageError`` where nothing of a log can be wanted.
 """
@@ -14,12 +14,12 @@ from .connection import Connection
 
 
 class Selection(NamedTuple):
-    """Which messages are wanted; the default is all.
+    """A choice of messages; the default is all.
 
     Attributes:
         topics: Exact names; a message of any of them is wanted.
         patterns: Regular expressions; a topic that one matches in full is wanted.
-        exclude: A topic that one of these regular expressions matches in full is not.
+        exclude: Regular expressions; a topic that one matches in full is not wanted.
         types: ``package/Type``.
         start_time: Earliest log time, ns; None from the first.
         end_time: Latest log time, ns; None to the last.
@@ -33,7 +33,7 @@ class Selection(NamedTuple):
     end_time: Optional[int] = None
 
     def wanted(self, connections: Sequence[Connection]) -> Array:
-        """Whether each connection is wanted, bool."""
+        """Return whether each connection is wanted, bool."""
         patterns, exclude = compile_patterns(self.patterns), compile_patterns(self.exclude)
         result = []
         for connection in connections:
@@ -45,7 +45,7 @@ class Selection(NamedTuple):
 
 
 def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
-    """Regular expressions, to be matched against whole names."""
+    """Compile regular expressions, to be matched against whole names."""
     try:
         return [re.compile(p) for p in patterns]
     except re.error as error:
@@ -53,7 +53,7 @@ def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
 
 
 def nearest(wanted: str, names: Collection[str]) -> str:
-    """What to say behind a name that is not among others: the one that was probably meant."""
+    """Return the hint after an unknown name: the one among ``names`` that was probably meant."""
     import difflib
 
     bare = wanted.strip("/")
@@ -64,7 +64,7 @@ def nearest(wanted: str, names: Collection[str]) -> str:
 
 
 def unmatched(selection: Selection, connections: Sequence[Connection]) -> List[str]:
-    """What a selection asks for by name and the log does not have, one line each, with the nearest name."""
+    """Return a line for each name that a selection asks for and the log lacks, with the nearest name."""
     topics = sorted({connection.topic for connection in connections})
     types = sorted({connection.datatype for connection in connections})
     lines = ["no topic %s%s" % (topic, nearest(topic, topics)) for topic in selection.topics if topic not in topics]
@@ -76,7 +76,7 @@ def unmatched(selection: Selection, connections: Sequence[Connection]) -> List[s
 
 
 def require_match(selection: Selection, connections: Sequence[Connection], path: str) -> Tuple[str, ...]:
-    """What of a selection the log does not have, one line each, where it has other things that are wanted.
+    """Return a line for each name that the log lacks, where it has other things that are wanted.
 
     Raises:
         UsageError: Nothing of the log is wanted: a name is wrong.
@@ -90,7 +90,7 @@ def require_match(selection: Selection, connections: Sequence[Connection], path:
 
 
 def seconds_text(ns: int) -> str:
-    """A time, ns, in s with nine decimals, as ``jaka_bag info`` prints it and options take it."""
+    """Format a time, ns, in s with nine decimals, as ``jaka_bag info`` prints it and options take it."""
     return "%s%d.%09d" % ("-" if ns < 0 else "", abs(ns) // NS_PER_S, abs(ns) % NS_PER_S)
 
 
@@ -101,7 +101,7 @@ class TimePoint(NamedTuple):
     is_absolute: bool
 
     def resolve(self, start_time: int, end_time: int) -> int:
-        """The moment in a log that spans these times, ns."""
+        """Return the moment, ns, in a log that spans these times."""
         if self.is_absolute:
             return self.ns
         return (end_time if self.ns < 0 else start_time) + self.ns
@@ -115,7 +115,7 @@ class TimeSpan(NamedTuple):
     duration: Optional[int] = None
 
     def apply(self, selection: Selection, start_time: Optional[int], end_time: Optional[int]) -> Selection:
-        """The selection limited to the span, for a log that spans these times, ns (None: it has no message).
+        """Limit a selection to the span, for a log that spans these times, ns (None: it has no message).
 
         Raises:
             UsageError: The log has nothing in the span, or the span ends before it starts.
@@ -151,7 +151,7 @@ class MessageFilter:
         self._all = bool(self.wanted.all())
 
     def limit_to(self, number: int) -> None:
-        """Want the messages of no other connection than this."""
+        """Limit the selection to the messages of one connection."""
         self.wanted &= np.arange(len(self.wanted)) == number
         self._all = bool(self.wanted.all())
 
@@ -161,19 +161,19 @@ class MessageFilter:
         return self._all and self._selection.start_time is None and self._selection.end_time is None
 
     def may_be_in(self, start_time: int, end_time: int, numbers: Collection[int]) -> bool:
-        """Whether a chunk may hold a wanted message.
+        """Return whether a chunk may hold a wanted message.
 
         Args:
-            start_time: Earliest log time in it, ns.
-            end_time: Latest log time in it, ns.
-            numbers: Its connections; empty where they are not known.
+            start_time: Earliest log time in the chunk, ns.
+            end_time: Latest log time in the chunk, ns.
+            numbers: Numbers of the chunk's connections; empty where they are not known.
         """
         start, end = self._selection.start_time, self._selection.end_time
         return ((start is None or end_time >= start) and (end is None or start_time <= end)
                 and (self._all or not numbers or any(self.wanted[n] for n in numbers)))
 
     def apply(self, batch: MessageBatch) -> MessageBatch:
-        """The wanted messages of a batch."""
+        """Return the wanted messages of a batch."""
         if self.takes_all:
             return batch
         mask = self.wanted[batch.connection]

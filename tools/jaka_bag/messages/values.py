@@ -20,20 +20,20 @@ MakeTime = Callable[[int, int], Any]
 
 
 def in_seconds(seconds: int, nanoseconds: int) -> float:
-    """A time or a duration, s."""
+    """Convert a time or a duration to s."""
     return seconds + nanoseconds * _NS
 
 
 class ValueReader:
-    """Reads the messages of one connection.
+    """A reader of one connection's messages.
 
     Values are bool, int, float, str, bytes for arrays of ``uint8`` and ``char``, lists for other arrays, and
     dictionaries for messages in messages.
 
     Args:
-        connection: Its definition is followed, whatever its md5.
-        make_time: Makes times and durations.
-        errors: What becomes of bytes in a text that are not UTF-8, as in ``bytes.decode``.
+        connection: Connection whose definition is followed, whatever its md5.
+        make_time: Converts times and durations.
+        errors: Handling of bytes in a text that are not UTF-8, as in ``bytes.decode``.
     """
 
     def __init__(self, connection: Connection, make_time: MakeTime = in_seconds, errors: str = "replace") -> None:
@@ -43,7 +43,7 @@ class ValueReader:
         self._errors = errors
 
     def has(self, path: Tuple[str, ...]) -> bool:
-        """Whether messages have a field of this path, such as ``("header", "stamp")``."""
+        """Return whether messages have a field of this path, such as ``("header", "stamp")``."""
         datatype = self._datatype
         for name in path:
             known = self._types.get(datatype)
@@ -54,11 +54,11 @@ class ValueReader:
         return True
 
     def field_names(self) -> List[str]:
-        """The names of the fields on top."""
+        """Return the names of the top-level fields."""
         return [field.name for field in self._types[self._datatype].fields]
 
     def read(self, raw: bytes) -> Dict[str, Any]:
-        """The values of one message, by the names of its fields."""
+        """Return the values of one message, by the names of its fields."""
         try:
             values, end = self._message(self._types[self._datatype], raw, 0)
         except struct.error:

@@ -16,14 +16,14 @@ from ..errors import BagError
 
 SUFFIX = ".jsonl"
 LONGEST_LINE = 16384
-"""bytes; the driver writes no longer ones."""
+"""Length, byte, of the longest line that the driver writes."""
 _BEFORE_THE_FIRST = "0" * 64
 _CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')
 _NAME = re.compile(r"audit-([0-9]{12})\.jsonl\Z")
 _LAST = 10 ** 15
 _TOO_LONG = "foreign: longer than any line of this log"
 _GROWING_S = 0.3
-"""s; a driver that writes a line meanwhile has written it whole by then."""
+"""Time, s, within which a driver that writes a line has written it whole."""
 
 
 class Defect(NamedTuple):
@@ -41,15 +41,15 @@ class Defect(NamedTuple):
 
 
 class Account(NamedTuple):
-    """What was read of one log.
+    """The account of one log that was read.
 
     Attributes:
         place: The folder, or the only file.
         lines: Number of whole lines, up to a defect.
         files: Number of files, up to a defect.
-        first_time, last_time: Of the first and the last line, as they stand there; "" without a line.
+        first_time, last_time: Times of the first and the last line, as written there; "" without a line.
         last_hash: SHA-256 of the last line's bytes, to be kept elsewhere.
-        notes: What the log itself says that a reader should know: lines that were cut, lost or pruned, a clock set.
+        notes: The log's own records for the reader: lines that were cut, lost or pruned, a clock set.
         defect: The first one; None where the log is whole.
     """
 
@@ -253,7 +253,7 @@ class _Reader:
             self._is_declared = self._is_declared or self._begins_after in _pruned(fields)
 
     def _look_ahead(self, defect: Defect, file: BinaryIO, later: List[str]) -> Defect:
-        """Tell lines that are missing from lines that come later."""
+        """Read ahead to distinguish missing lines from lines that come later."""
         if not self._missing:
             return defect
         for rest in [file, *map(_open, later)]:

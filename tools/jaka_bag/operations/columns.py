@@ -24,7 +24,7 @@ _GROUP_MESSAGES, _GROUP_BYTES = 30000, 2 << 20
 
 
 def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
-    """Chunks in the order of time, so many together that it is worth to decode them at once."""
+    """Group chunks in the order of time, so many together that it is worth to decode them at once."""
     groups: List[List[ChunkRef]] = []
     messages = size = 0
     for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.position)):
@@ -38,11 +38,11 @@ def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
 
 
 class ColumnReader:
-    """Decodes the messages of a log.
+    """A decoder of a log's messages into columns.
 
     Args:
         reader: The log.
-        selection: Which messages; None for all.
+        selection: The wanted messages; None for all.
         only_connection: Number of the one connection to decode; None for all that are selected.
 
     Raises:
@@ -71,18 +71,18 @@ class ColumnReader:
             self._finders[number] = LayoutFinder(connection)
 
     def groups(self, batch: MessageBatch) -> Iterator[Tuple[str, Group]]:
-        """The messages of a batch by topic and layout."""
+        """Yield the messages of a batch by topic and layout."""
         for number in distinct(batch.connection).tolist():
             for group in self._finders[number].groups(batch, np.flatnonzero(batch.connection == number)):
                 yield self._topics[number], group
 
     def leaf(self, topic: str, name: str) -> Leaf:
-        """What kind of field it is, of a topic of which messages were decoded."""
+        """Return the description of a field, of a topic of which messages were decoded."""
         found = (finder.leaf(name) for number, finder in self._finders.items() if self._topics[number] == topic)
         return next(leaf for leaf in found if leaf is not None)
 
     def parts(self, chunk: ChunkRef, fields: Optional[Mapping[str, Container[str]]] = None) -> Dict[str, Part]:
-        """The wanted messages of one chunk, by topic; may be called by several threads at once.
+        """Return the wanted messages of one chunk, by topic; may be called by several threads at once.
 
         Args:
             chunk: One of the reader's.
@@ -96,7 +96,7 @@ class ColumnReader:
 
     def pieces(self, fields: Optional[Mapping[str, Container[str]]] = None,
                workers: int = WORKERS) -> Iterator[Tuple[str, Columns]]:
-        """All wanted messages in the order of time, piece by piece: topic and messages.
+        """Yield all wanted messages in the order of time, piece by piece: topic and messages.
 
         Args:
             fields: See ``parts``.
@@ -131,7 +131,7 @@ class ColumnReader:
                 yield topic, columns_of(self.connections[topic], [part])
 
     def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
-        """All wanted messages, by topic; a topic without messages has no entry."""
+        """Read all wanted messages, by topic; a topic without messages has no entry."""
         parts: Dict[str, List[Part]] = {}
         for by_topic in in_order(self.parts, self._reader.wanted_chunks(self._filter), workers):
             for topic, part in by_topic.items():
@@ -141,12 +141,12 @@ class ColumnReader:
 
 def read_columns(path: PathLike, topics: Optional[Sequence[str]] = None,
                  selection: Optional[Selection] = None) -> Dict[str, Columns]:
-    """The messages of a log as columns, by topic; a topic without messages has no entry.
+    """Read the messages of a log as columns, by topic; a topic without messages has no entry.
 
     Args:
         path: A .bag or .mcap of ROS 1 messages.
         topics: Topics to decode; None for all.
-        selection: Which messages, where more than topics matters.
+        selection: The wanted messages, where more than topics matters.
 
     Raises:
         BagError: The log cannot be read, or has none of the topics.

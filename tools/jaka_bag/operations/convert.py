@@ -1,4 +1,4 @@
-"""Converts one file as one job; merging, splitting and recovering write their batches by the same functions."""
+"""The conversion of one file as one job, and the functions by which merge, split and recover write as well."""
 import os
 import time
 from pathlib import Path
@@ -41,7 +41,7 @@ _SMALL = 256 << 10
 """Neighbouring chunks are written as one up to this many bytes in the source."""
 
 OnProgress = Callable[[int, int], None]
-"""Takes the bytes read and the messages written since the last call."""
+"""A callback for the bytes read and the messages written since the last call."""
 Item = TypeVar("Item")
 
 
@@ -74,17 +74,17 @@ class Job(NamedTuple):
 
 
 class WriteResult(NamedTuple):
-    """What became of a log that was to be written.
+    """The result of a log's writing.
 
     Attributes:
-        source: What it was made of.
+        source: Name of the source.
         target: The log.
         messages: Messages written.
         bytes_read: Size of the source.
         bytes_written: Size of the target.
         seconds: Wall time, s.
-        notes: What the target cannot hold.
-        error: Why there is no target; empty on success.
+        notes: Losses that the target's format causes.
+        error: The reason why there is no target; empty on success.
     """
 
     source: str
@@ -97,7 +97,7 @@ class WriteResult(NamedTuple):
     error: str = ""
 
     def document(self) -> Dict[str, Any]:
-        """The result as JSON data."""
+        """Return the result as JSON data."""
         return dict(self._asdict(), notes=list(self.notes), error=self.error or None)
 
 
@@ -112,14 +112,14 @@ def refuse_same_file(source: object, target: object) -> None:
 
 
 def size_of(path: object) -> int:
-    """Bytes of a file, or of the files in a folder."""
+    """Return the bytes of a file, or of the files in a folder."""
     target = Path(str(path))
     files = target.rglob("*") if target.is_dir() else [target]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def with_md5(connection: Connection) -> Connection:
-    """The connection with the md5 of its definition, where the log names none and the definition is understood."""
+    """Return the connection with its definition's md5, where the log has none and the definition is understood."""
     if connection.md5sum or connection.encoding != "ros1":
         return connection
     try:
@@ -129,7 +129,7 @@ def with_md5(connection: Connection) -> Connection:
 
 
 def add_channels(connections: Sequence[Connection], writer: LogWriter, wanted: Optional[Array] = None) -> Array:
-    """Declare the wanted connections (None: all); give the writer's number of each, 0 for the others.
+    """Add the wanted connections (None: all) to a writer; return its number of each, 0 for the others.
 
     Raises:
         BagError: The output's format cannot hold one of them.
@@ -139,7 +139,7 @@ def add_channels(connections: Sequence[Connection], writer: LogWriter, wanted: O
 
 
 class LossNotes:
-    """Watches for what an output has no place for.
+    """A watch for data that an output has no place for.
 
     Args:
         writer: The output.
@@ -160,7 +160,7 @@ class LossNotes:
         return batch
 
     def notes(self, readers: Sequence[LogReader]) -> Tuple[str, ...]:
-        """What was left out, one line each."""
+        """Return the losses, one line each."""
         result = [note for reader in readers for note in reader.index.notes]
         if self._publish_times:
             result.append("%s has no place for publish times: only the log times are kept" % self._format_name)
@@ -232,7 +232,7 @@ def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, Mess
 
 
 def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
-    """Neighbouring small chunks together, each larger one on its own."""
+    """Yield neighbouring small chunks together, each larger one on its own."""
     group: List[ChunkRef] = []
     size = 0
     for chunk in chunks:
@@ -247,12 +247,12 @@ def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
 
 
 def is_worth_sorting(chunks: Sequence[ChunkRef], expansion: float) -> bool:
-    """Whether chunks overlap in time so much that who reads in the order of time unpacks them again and again.
+    """Return whether chunks overlap in time so much that a reader in the order of time unpacks them again and again.
 
     False also where those that overlap are too large to be held at once.
 
     Args:
-        chunks: In any order.
+        chunks: Chunks in any order.
         expansion: Unpacked bytes for each stored one.
     """
     overlap = span = 0
@@ -270,7 +270,7 @@ def is_worth_sorting(chunks: Sequence[ChunkRef], expansion: float) -> bool:
 
 
 def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time: int) -> MessageBatch:
-    """The newest message before a time, ns, of each wanted latched connection, in the order of time."""
+    """Return the newest message before a time, ns, of each wanted latched connection, in the order of time."""
     latched = np.array([bool(c.latching) for c in reader.connections], bool) & message_filter.wanted
     newest: Dict[int, MessageBatch] = {}
     for chunk in reader.chunks:

@@ -1,4 +1,4 @@
-"""Is a log whole? Reads all of it, and says what is wrong, what is odd and what is worth to know."""
+"""The diagnosis of a log, read as a whole: losses, oddities and facts worth knowing."""
 from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
@@ -28,12 +28,12 @@ class Finding(NamedTuple):
 
 
 class Diagnosis(NamedTuple):
-    """What is known of a log.
+    """The diagnosis of one log.
 
     Attributes:
-        path: The file.
+        path: Path of the file.
         messages: Messages that can be read.
-        findings: The worst first.
+        findings: Findings, the worst first.
     """
 
     path: str
@@ -47,7 +47,7 @@ class Diagnosis(NamedTuple):
         return DAMAGED if "error" in levels else ODD if "warning" in levels else WHOLE
 
     def document(self) -> Dict[str, Any]:
-        """The same as JSON data."""
+        """Return the diagnosis as JSON data."""
         return {"path": self.path, "verdict": self.verdict, "messages": self.messages,
                 "findings": [finding._asdict() for finding in self.findings]}
 
@@ -67,11 +67,11 @@ class _Findings:
 
 
 class _Messages:
-    """Looks at all messages that can be read.
+    """An examination of all messages that can be read.
 
     Attributes:
-        total: How many there are.
-        counts: How many, by the file's own id of the connection.
+        total: Number of messages.
+        counts: Number of messages by the file's own id of the connection.
     """
 
     def __init__(self, recovery: LogRecovery, findings: _Findings) -> None:
@@ -99,7 +99,7 @@ class _Messages:
                 self._fits[file_id] = self._look_inside(self._recovery.connections[file_id], batch, which[:100])
 
     def _look_inside(self, connection: Connection, batch: MessageBatch, which: Any) -> bool:
-        """Whether the first messages of a connection are what its definition says."""
+        """Return whether the first messages of a connection are as its definition says."""
         try:
             if connection.encoding == "ros1":
                 for _ in LayoutFinder(connection).groups(batch, which):
@@ -110,7 +110,7 @@ class _Messages:
         return True
 
     def finish(self) -> None:
-        """Say what can be said when all are seen."""
+        """Add the findings that need all messages."""
         if self._backward:
             self._findings.note("%d messages are older than the one before them in the file" % self._backward)
         if self._timeless:

@@ -1,4 +1,4 @@
-"""Writes the fields of messages as CSV, NPZ or Parquet; one table a topic."""
+"""The export of messages' fields as CSV, NPZ or Parquet; one table a topic."""
 import contextlib
 import csv
 import functools
@@ -36,7 +36,7 @@ class Table(NamedTuple):
 
 
 def tables(reader: LogReader, columns: ColumnReader, topic: str) -> Iterator[Table]:
-    """The messages of a topic in the order of time, in runs of one layout."""
+    """Yield the messages of a topic in the order of time, in runs of one layout."""
     for batch in in_time_order([whole_source(reader, Selection(topics=(topic,)))]):
         groups = [group for _, group in columns.groups(batch)]
         if len(groups) == 1:
@@ -58,7 +58,7 @@ def _text_time(ns: int) -> str:
 
 
 def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
-    """The CSV columns of a field, ``width`` of them."""
+    """Return the ``width`` CSV columns of a field."""
     values = leaf_values(rows, leaf)
     if is_bytes(leaf):
         return [[row.tobytes().hex() for row in values]]
@@ -141,7 +141,7 @@ def _write_npz(output: OutputFile, reader: LogReader, topics: Sequence[str]) -> 
 
 
 def table_path(target: Path, topic: str, is_only: bool) -> Path:
-    """Where the table of a topic goes: the target itself for one topic, else ``STEM_topic.SUFFIX``."""
+    """Return the path for the table of a topic: the target itself for one topic, else ``STEM_topic.SUFFIX``."""
     if is_only:
         return target
     return target.with_name("%s_%s%s" % (target.stem, re.sub(r"[^\w.-]+", "_", topic.strip("/")), target.suffix))

@@ -26,13 +26,13 @@ class NewAttachment(NamedTuple):
 
 
 def attachment_of(path: str, name: Optional[str] = None, media_type: Optional[str] = None) -> NewAttachment:
-    """A file as an attachment; name and media type come from its name where they are not given."""
+    """Return a file as an attachment; name and media type come from the file's name where they are not given."""
     guessed = mimetypes.guess_type(path)[0] or "application/octet-stream"
     return NewAttachment(path, name or os.path.basename(path), media_type or guessed)
 
 
 def _content(path: str) -> Tuple[bytes, int]:
-    """The bytes of a file, and when it was changed, ns since the epoch."""
+    """Return the bytes of a file, and the time of its last change, ns since the epoch."""
     try:
         with open(path, "rb") as file:
             return file.read(), os.fstat(file.fileno()).st_mtime_ns
@@ -81,17 +81,17 @@ def attach(source: PathLike, target: PathLike, files: Sequence[NewAttachment],
 
 
 def safe_name(name: str) -> str:
-    """A name for a file, of a name that a log gives: it leads into no other folder, and is hidden nowhere."""
+    """Return a safe file name for a name from a log: it leads into no other folder, and is not hidden."""
     plain = re.sub(r"[^\w.+=@ -]", "_", os.path.basename(name.replace("\\", "/")), flags=re.ASCII).lstrip(".")
     return plain[:200] or "unnamed"
 
 
 def contents_of(reader: LogReader, names: Sequence[str] = ()) -> Iterator[Tuple[str, bytes]]:
-    """(name of a file, content) of each attachment, and of each metadata record as JSON.
+    """Yield (name of a file, content) of each attachment, and of each metadata record as JSON.
 
     Args:
         reader: The log.
-        names: Those that are wanted; none for all.
+        names: Names that are wanted; none for all.
     """
     for attachment in reader.index.attachments:
         if not names or attachment.name in names:

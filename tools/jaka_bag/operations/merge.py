@@ -1,4 +1,4 @@
-"""Makes one log of several, in the order of time."""
+"""The merging of several logs into one, in the order of time."""
 import contextlib
 import time
 from typing import Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
@@ -25,7 +25,7 @@ from .convert import (
 
 
 def open_all(paths: Sequence[PathLike]) -> List[LogReader]:
-    """Several logs, opened; close them after use.
+    """Open several logs; close them after use.
 
     Raises:
         BagError: Some cannot be read; the text names each of them.
@@ -45,7 +45,7 @@ def open_all(paths: Sequence[PathLike]) -> List[LogReader]:
 
 
 def sources_of(readers: Sequence[LogReader]) -> Tuple[List[Source], List[Connection]]:
-    """Logs to be read together, and the connections of all; equal ones of different logs become one."""
+    """Return the sources for logs that are read together, and the connections of all, with equal ones joined."""
     numbers: Dict[Connection, int] = {}
     sources = []
     for reader in readers:

@@ -16,7 +16,7 @@ _ROW_GROUP_BYTES = 8 << 20
 
 
 def load_pyarrow() -> Tuple[Any, Any]:
-    """The modules ``pyarrow`` and ``pyarrow.parquet``.
+    """Import the modules ``pyarrow`` and ``pyarrow.parquet``.
 
     Raises:
         MissingDependency: pyarrow is not installed.
@@ -28,7 +28,7 @@ def load_pyarrow() -> Tuple[Any, Any]:
 
 
 def _arrow_texts(pa: Any, values: Array) -> Any:
-    """Text from byte strings, shape (n,); most of a log's are the same again and again."""
+    """Convert byte strings, shape (n,), to text; most of a log's are the same again and again."""
     if len(values) and (values == values[0]).all():
         texts, which = values[:1], np.zeros(len(values), np.int32)
     else:
@@ -38,7 +38,7 @@ def _arrow_texts(pa: Any, values: Array) -> Any:
 
 
 def _arrow_text_rows(pa: Any, values: Array) -> Any:
-    """As ``_arrow_texts``, of rows of texts, shape (n, k), one behind the other."""
+    """Convert rows of byte strings, shape (n, k), to text, one row after the other."""
     if len(values) and (values == values[0]).all():
         texts = pa.array([text.decode("utf-8", "replace") for text in values[0].tolist()], pa.string())
         again = np.tile(np.arange(values.shape[1], dtype=np.int32), len(values))
@@ -102,7 +102,7 @@ class ParquetTable:
         self.count = 0
 
     def add(self, columns: Columns, leaf: Callable[[str], Leaf]) -> None:
-        """Further messages; ``leaf`` tells what kind of field a name is."""
+        """Add further messages; ``leaf`` returns the description of a field."""
         pa = self._pa
         made: Dict[str, Any] = {name: pa.repeat(pa.scalar(value, pa.string()), len(columns.log_time))
                                 for name, value in self._constants.items()}

@@ -35,7 +35,7 @@ class Panel(NamedTuple):
 
 
 def thin(time: Array, values: Array, limit: int = _MAX_POINTS) -> Tuple[Array, Array]:
-    """At most about ``limit`` points that show the same curve: smallest and largest value of each stretch."""
+    """Reduce a curve to about ``limit`` points that show the same: smallest and largest value of each stretch."""
     if len(time) <= limit:
         return time, values
     edges = np.linspace(0, len(time), limit // 2 + 1).astype(np.int64)
@@ -61,12 +61,12 @@ class _Curves:
             Changes(_MOST_CHANGES) if is_steps else MinMax(_MAX_POINTS) for _ in names]
 
     def add(self, time: Array, columns: Iterable[Array]) -> None:
-        """Further samples: s, and the values of each line."""
+        """Add further samples: s, and the values of each line."""
         for line, values in zip(self._lines, columns):
             line.add(time, values)
 
     def panel(self, earlier_s: float) -> Panel:
-        """The diagram, its times ``earlier_s`` earlier."""
+        """Return the diagram, its times ``earlier_s`` earlier."""
         points = [line.points() for line in self._lines]
         return Panel(self.title, self._unit, tuple((name, time - earlier_s, values) for name, (time, values)
                                                    in zip(self.names, points)), self._is_steps, self._ticks)
@@ -87,7 +87,7 @@ class _TopicSketch:
         return self.curves
 
     def add(self, time: Array, columns: Columns) -> None:
-        """What is known of the topic's type; s, shape (n,)."""
+        """Add the columns that the topic's type defines, at times in s, shape (n,)."""
         poses = tool_poses(columns)
         if columns.connection.datatype == JOINT_TYPE:
             self._add_joints(time, columns)
@@ -126,10 +126,10 @@ class _TopicSketch:
         curves.add(time, position.T)
 
     def add_field(self, time: Array, columns: Columns, name: str) -> None:
-        """One field, whatever it is.
+        """Add one field by its name.
 
         Raises:
-            BagError: It does not exist, is no number, or is not always as long.
+            BagError: The field does not exist, is no number, or varies in length.
         """
         values = columns.fields.get(name)
         if values is None:
@@ -166,7 +166,7 @@ class Sketch:
             del self._by_field[field]
 
     def add(self, topic: str, columns: Columns) -> None:
-        """Further messages of a topic, in the order of time.
+        """Add further messages of a topic, in the order of time.
 
         Raises:
             BagError: A field does not exist or is no number.
@@ -185,7 +185,7 @@ class Sketch:
                 self._by_field.setdefault((topic, name), _TopicSketch(topic)).add_field(time, columns, name)
 
     def panels(self) -> Tuple[List[Panel], Dict[str, Array]]:
-        """The diagrams, and the path of each topic of TCP positions, m (n, 3).
+        """Return the diagrams, and the path of each topic of TCP positions, m (n, 3).
 
         Raises:
             BagError: There is nothing to draw.
@@ -205,11 +205,11 @@ class Sketch:
 
 def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) -> Tuple[
         List[Panel], Dict[str, Array]]:
-    """The diagrams for some topics, and the path of each topic of TCP positions, m (n, 3).
+    """Return the diagrams for some topics, and the path of each topic of TCP positions, m (n, 3).
 
     Args:
         data: Columns by topic.
-        fields: (topic, field) to draw instead of what is known of the topics' types.
+        fields: (topic, field) to draw instead of those that the topics' types define.
 
     Raises:
         BagError: A field does not exist or is no number, or there is nothing to draw.
@@ -221,7 +221,7 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
 
 
 def fields_to_draw(connections: Iterable[Connection]) -> Dict[str, Container[str]]:
-    """By topic the fields that a sketch without fields of its own needs; of the topics that it may draw."""
+    """Return, for the topics that a sketch without fields of its own may draw, the fields that it needs."""
     wanted: Dict[str, Container[str]] = {}
     for connection in connections:
         if connection.datatype == JOINT_TYPE:

@@ -29,7 +29,7 @@ class Quantiles:
         self.total = 0.0
 
     def add(self, values: Array) -> None:
-        """Further values, float64; none is NaN."""
+        """Add further values, float64; none is NaN."""
         if not len(values):
             return
         self.count += len(values)
@@ -55,20 +55,20 @@ class Quantiles:
         self.count = max(self.count, int(self._counts.sum()))
 
     def _levels(self) -> Array:
-        """The middle of each class."""
+        """Return the middle of each class."""
         number = np.where(self._classes < 0, -1 - self._classes, self._classes)
         size: Array = ((number << _SHIFT) + (1 << (_SHIFT - 1))).view(float)
         return np.where(self._classes < 0, -size, size)
 
     def median(self) -> float:
-        """The middle value, of two the mean; there must be one."""
+        """Return the median of at least one value."""
         if not len(self._classes):
             return float(np.median(np.concatenate(self._kept)))
         self._merge()
         return self._ranked(self._levels(), self.count // 2)
 
     def percentiles(self, shares: Sequence[float]) -> List[float]:
-        """As ``numpy.percentile``; there must be a value."""
+        """Return percentiles as ``numpy.percentile`` does, of at least one value."""
         if not len(self._classes):
             return [float(value) for value in np.percentile(np.concatenate(self._kept), shares)]
         self._merge()
@@ -76,7 +76,7 @@ class Quantiles:
         return [self._ranked(levels, int(round(0.01 * share * (self.count - 1)))) for share in shares]
 
     def distances(self, centre: float) -> "Quantiles":
-        """The distances of all values from ``centre``."""
+        """Return the distances of all values from ``centre``."""
         if not len(self._classes):
             result = Quantiles()
             result.add(np.abs(np.concatenate(self._kept or [np.zeros(0)]) - centre))
@@ -87,7 +87,7 @@ class Quantiles:
         return result
 
     def above(self, limit: float) -> Tuple[Array, Array]:
-        """Values above ``limit``, or the middle of their classes, and how many there are of each."""
+        """Return values above ``limit``, or the middle of their classes, and the count of each."""
         if not len(self._classes):
             values = np.concatenate(self._kept or [np.zeros(0)])
             values = values[values > limit]
@@ -98,7 +98,7 @@ class Quantiles:
         return levels[which], self._counts[which]
 
     def distance(self, centre: float, share: float) -> float:
-        """The distance from ``centre`` that this share of the values stays below; there must be a value."""
+        """Return the distance from ``centre`` that this share of the values, at least one, stays below."""
         at = min(self.count - 1, int(share * self.count))
         if not len(self._classes):
             off = np.abs(np.concatenate(self._kept) - centre)
@@ -112,7 +112,7 @@ class Quantiles:
 
 
 def _classes_of(values: Array) -> Array:
-    """The number of each value's class; they rise with the values."""
+    """Return the number of each value's class; they rise with the values."""
     bits = np.ascontiguousarray(values, float).view(np.int64)
     number = bits >> _SHIFT
     # the sign is the highest bit: negative values are ordered by what follows it, backwards

@@ -1,4 +1,4 @@
-"""Makes a whole log of what can be read of a cut-off, unindexed or damaged one."""
+"""The recovery of a whole log from the readable parts of a cut-off, unindexed or damaged one."""
 import time
 from pathlib import Path
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
@@ -19,12 +19,12 @@ _MAX_PIECE = 4 << 20
 
 
 class Recovered(NamedTuple):
-    """What was recovered.
+    """The result of a recovery.
 
     Attributes:
         target: The new log.
         messages: Messages in it.
-        expected: Messages that the old log's index tells of; None where it has none.
+        expected: Messages by the old log's index; None where it has none.
         losses: Stretches that could not be read or trusted, and messages that could not be placed.
         bytes_written: Size of the new log.
         seconds: Wall time, s.
@@ -43,13 +43,13 @@ class Recovered(NamedTuple):
         return not self.losses and (self.expected is None or self.expected <= self.messages)
 
     def document(self) -> Dict[str, Any]:
-        """The result as JSON data."""
+        """Return the result as JSON data."""
         return dict(self._asdict(), losses=[loss._asdict() for loss in self.losses], is_whole=self.is_whole)
 
 
 def _renumbered(batch: MessageBatch, connections: Dict[int, Connection], writer: LogWriter,
                 unknown: Dict[int, int]) -> MessageBatch:
-    """The messages of described connections with the new log's numbers; the others are counted by the file's id."""
+    """Return the messages of described connections with the new log's numbers; count others by the file's id."""
     ids = distinct(batch.connection)
     numbers = np.array([writer.add_channel(with_md5(connections[i])) if i in connections else -1
                         for i in ids.tolist()], np.int64)
@@ -125,10 +125,10 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
 
 
 def default_target(source: PathLike) -> Path:
-    """Where to recover to: the name without ``.active``, else with ``.recovered`` in it.
+    """Return the path to recover to: the name without ``.active``, else with ``.recovered`` in it.
 
     Raises:
-        BagError: The name tells no format.
+        BagError: The name does not show the format.
     """
     path = Path(source)
     if path.suffix in (".active", ".part"):

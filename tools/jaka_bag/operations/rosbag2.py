@@ -1,4 +1,4 @@
-"""Makes a log of ROS 1 messages of a rosbag2 folder."""
+"""The conversion of a rosbag2 folder to a log of ROS 1 messages."""
 import time
 from typing import Optional
 

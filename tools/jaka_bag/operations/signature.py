@@ -1,9 +1,9 @@
-"""Signs a finished log so that a changed byte is found, and named by the record it lies in (Ed25519, RFC 8032).
+"""The signature of a finished log, which shows a changed byte and the record it lies in (Ed25519, RFC 8032).
 
 The signature is a file of its own beside the log, ``NAME.sig``: every record of the log with its SHA-256, and a
 signature over all of them. It covers each byte of the log, its index at the end included.
 
-What needs the package ``cryptography`` raises ``MissingDependency`` where it is not installed.
+Functions that need the package ``cryptography`` raise ``MissingDependency`` where it is not installed.
 """
 import base64
 import hashlib
@@ -26,13 +26,13 @@ _MOST_TEXT = 1 << 28
 
 
 class Verification(NamedTuple):
-    """What a signature says of a log.
+    """The result of a signature's verification.
 
     Attributes:
-        problems: What was changed, in words; empty where nothing was.
+        problems: Changes, in words; empty where there are none.
         signer: SHA-256 of the public key, hex, its first 16 digits.
         is_trusted: Signed with the key that was given; None where none was.
-        signed_at: When, by the signer's clock.
+        signed_at: Time of the signature, by the signer's clock.
     """
 
     problems: Tuple[str, ...]
@@ -42,7 +42,7 @@ class Verification(NamedTuple):
 
 
 def _cryptography() -> Tuple[Any, Any]:
-    """The modules for keys and for Ed25519."""
+    """Import the modules for keys and for Ed25519."""
     try:
         from cryptography.hazmat.primitives import serialization
         from cryptography.hazmat.primitives.asymmetric import ed25519
@@ -52,10 +52,10 @@ def _cryptography() -> Tuple[Any, Any]:
 
 
 def load_private_key(path: PathLike) -> Any:
-    """An Ed25519 private key from a PEM file (``openssl genpkey -algorithm ed25519``).
+    """Load an Ed25519 private key from a PEM file (``openssl genpkey -algorithm ed25519``).
 
     Raises:
-        UsageError: It cannot be read, or is no such key.
+        UsageError: The file cannot be read, or holds no such key.
     """
     serialization, ed25519 = _cryptography()
     try:
@@ -70,10 +70,10 @@ def load_private_key(path: PathLike) -> Any:
 
 
 def load_public_key(path: PathLike) -> bytes:
-    """The 32 bytes of an Ed25519 public key from a PEM file (``openssl pkey -pubout``).
+    """Load the 32 bytes of an Ed25519 public key from a PEM file (``openssl pkey -pubout``).
 
     Raises:
-        UsageError: It cannot be read, or is no such key.
+        UsageError: The file cannot be read, or holds no such key.
     """
     serialization, ed25519 = _cryptography()
     try:
@@ -106,7 +106,7 @@ def _digest(file: BinaryIO, at: int, size: int) -> str:
 
 
 def _signed_bytes(document: Dict[str, Any]) -> bytes:
-    """What is signed: all of the document but the signature, in one form."""
+    """Return the bytes that are signed: all of the document but the signature, in one form."""
     plain = {key: value for key, value in document.items() if key != "signature"}
     return json.dumps(plain, sort_keys=True, separators=(",", ":")).encode()
 

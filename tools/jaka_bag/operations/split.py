@@ -1,4 +1,4 @@
-"""Makes several logs of one."""
+"""The splitting of one log into several."""
 import os
 import re
 from pathlib import Path
@@ -21,12 +21,12 @@ _FINEST = 64
 
 
 class Limits(NamedTuple):
-    """When a part is full; None where that does not limit it.
+    """The limits of a part; None for no limit.
 
     Attributes:
         size: Bytes of the file; the last chunk and the index may go beyond.
-        duration: ns.
-        messages: How many.
+        duration: Log time, ns.
+        messages: Number of messages.
     """
 
     size: Optional[int] = None
@@ -76,7 +76,7 @@ class _Parts:
             number += 1
 
     def strangers(self) -> Tuple[str, ...]:
-        """What else is called like a part, one line each."""
+        """Return a line for each other file that is named like a part."""
         stem, suffix = self._stem.stem, self._stem.suffix
         pattern = re.compile(r"%s_([0-9]{1,6})%s" % (re.escape(stem), re.escape(suffix)))
         found = [(int(match.group(1)), match.group()) for match in map(pattern.fullmatch, os.listdir(
@@ -93,7 +93,7 @@ class _Parts:
 
 
 def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: Limits) -> int:
-    """How many of the batch's first messages still belong to a part."""
+    """Return how many of the batch's first messages still belong to a part."""
     fits = len(batch)
     if limits.duration is not None:
         fits = min(fits, int(np.searchsorted(batch.log_time, begin_time + limits.duration)))
@@ -114,7 +114,7 @@ class _Latched:
             self._newest[int(batch.connection[i])] = batch.take(np.array([i])).copy()
 
     def repeated(self, time: int) -> Iterator[MessageBatch]:
-        """Those messages, with the time at which a part begins, ns."""
+        """Yield the latched messages, with the time at which a part begins, ns."""
         for batch in self._newest.values():
             yield batch.replace(log_time=np.full(1, time, np.int64))
 

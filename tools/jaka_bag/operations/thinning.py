@@ -27,7 +27,7 @@ class MinMax:
         self.count = 0
 
     def add(self, time: Array, values: Array) -> None:
-        """Further samples; s or any unit, shape (n,) each. A value may be NaN."""
+        """Add further samples; s or any unit, shape (n,) each. A value may be NaN."""
         if not len(time):
             return
         rows = np.stack([np.arange(self.count, self.count + len(time), dtype=float), time, values], axis=1)
@@ -68,7 +68,7 @@ class MinMax:
 
 
 def _extremes(stretches: Array) -> Tuple[Array, Array]:
-    """The samples of the smallest and of the largest value of each stretch, shape (stretches, samples, 3) to (., 3)."""
+    """Return the samples of each stretch's smallest and largest value, shape (stretches, samples, 3) to (., 3)."""
     if stretches.shape[1] == 1:
         return stretches[:, 0], stretches[:, 0]
     value = stretches[:, :, 2]
@@ -95,7 +95,7 @@ class EveryNth:
         self._last: List[Array] = []
 
     def add(self, rows: Array) -> None:
-        """Further rows, shape (n, columns)."""
+        """Add further rows, shape (n, columns)."""
         if not len(rows):
             return
         part = rows[-self._count % self._step::self._step].copy()
@@ -109,7 +109,7 @@ class EveryNth:
             self._step *= 2
 
     def rows(self) -> Array:
-        """Those that were kept, shape (m, columns); at least one must have been added."""
+        """Return the rows that were kept, shape (m, columns); at least one must have been added."""
         is_last_kept = (self._count - 1) % self._step == 0
         return np.concatenate(self._kept + ([] if is_last_kept else self._last))
 
@@ -123,7 +123,7 @@ class Changes:
         self._is_last_kept = False
 
     def add(self, time: Array, values: Array) -> None:
-        """Further samples, shape (n,) each."""
+        """Add further samples, shape (n,) each."""
         if not len(time):
             return
         rows = np.concatenate([self._last, np.stack([time, values.astype(float)], axis=1)])

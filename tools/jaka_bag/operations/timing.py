@@ -1,4 +1,4 @@
-"""How regularly messages came: rate, jitter, gaps, missing ones; from the times in the index alone.
+"""The regularity of messages: rate, jitter, gaps, missing ones; from the times in the index alone.
 
 ``BagFormatError`` is raised where a chunk or its index is damaged.
 """
@@ -40,7 +40,7 @@ def log_times(reader: LogReader) -> Iterator[Tuple[str, Array]]:
 
 
 class Timing:
-    """How regularly the messages of one topic came."""
+    """The regularity of one topic's messages."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -49,7 +49,7 @@ class Timing:
         self._worst, self._worst_at = -1.0, 0
 
     def add(self, times: Array) -> None:
-        """Further log times, ns, ascending, at least one."""
+        """Add further log times, ns, ascending, at least one."""
         if self._count:
             times = np.append(np.int64(self._last), times)
         else:
@@ -64,9 +64,10 @@ class Timing:
             self._worst, self._worst_at = float(interval[worst]), int(times[worst])
 
     def document(self) -> Dict[str, Any]:
-        """The regularity as JSON data; intervals in s.
+        """Return the regularity as JSON data; intervals in s.
 
-        ``missing`` is how many more messages the gaps would hold; None where the messages come irregularly.
+        ``missing`` is the number of further messages that the gaps would hold; None where the messages come
+        irregularly.
         """
         if self._count < 2:
             return {"messages": self._count, "text": "too few messages for a rate"}
@@ -92,7 +93,7 @@ class Timing:
 
 
 def timing_of(times: Array) -> Dict[str, Any]:
-    """``Timing.document`` of ascending log times, ns."""
+    """Return ``Timing.document`` of ascending log times, ns."""
     timing = Timing()
     if len(times):
         timing.add(times)
@@ -110,11 +111,11 @@ def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
 
 
 def sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
-    """Numbers missing in ``header.seq`` and places where they are missing, over all publishers of a topic.
+    """Count numbers missing in ``header.seq`` and places where they are missing, over all publishers of a topic.
 
     Raises:
-        KeyError: Its messages have no such field.
-        DefinitionError: They are not understood.
+        KeyError: The topic's messages have no such field.
+        DefinitionError: The messages are not understood.
     """
     missing = places = 0
     for number, connection in enumerate(reader.connections):

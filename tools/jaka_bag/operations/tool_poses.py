@@ -9,7 +9,7 @@ from ..units import mm_to_m
 
 TWIST_TYPE = "geometry_msgs/TwistStamped"
 POSE_TYPE = "geometry_msgs/PoseStamped"
-"""Of ``interface:=vendor_2025`` and of the maker's newest driver: mm and a quaternion."""
+"""Pose type of ``interface:=vendor_2025`` and of the maker's newest driver: mm and a quaternion."""
 POSE_NAME = "tool_position"
 POSE_FIELDS = {TWIST_TYPE: tuple("twist.%s.%s" % (part, axis) for part in ("linear", "angular") for axis in "xyz"),
                POSE_TYPE: (*["pose.position." + axis for axis in "xyz"],
@@ -25,7 +25,7 @@ class ToolPoses(NamedTuple):
 
 
 def tool_poses(columns: Columns) -> Optional[ToolPoses]:
-    """The poses of any TwistStamped, and of a PoseStamped called tool_position; None of other topics.
+    """Return the poses of any TwistStamped, and of a PoseStamped called tool_position; None of other topics.
 
     A TwistStamped is taken as ``interface:=documented`` means it: m and rotation vectors.
     """
@@ -39,7 +39,7 @@ def tool_poses(columns: Columns) -> Optional[ToolPoses]:
 
 
 def rotation_vectors(quaternion: Array) -> Array:
-    """Rotation vectors, rad, of quaternions (x, y, z, w) of any length but 0, shape (n, 4) to (n, 3); else NaN."""
+    """Return rotation vectors, rad, of quaternions (x, y, z, w), shape (n, 4) to (n, 3); NaN where the norm is 0."""
     norm = np.sqrt((quaternion * quaternion).sum(axis=1))
     unit = quaternion / np.where(norm > 0.0, norm, np.nan)[:, None]
     unit = np.where(unit[:, 3:] < 0.0, -unit, unit)

@@ -1,4 +1,4 @@
-"""How many bytes each topic of a log takes.
+"""The number of bytes that each topic of a log takes.
 
 ``BagFormatError`` is raised where a chunk is damaged.
 """
@@ -14,12 +14,12 @@ from .convert import OnProgress
 
 
 class TopicUsage(NamedTuple):
-    """What one topic takes.
+    """The usage of one topic.
 
     Attributes:
-        topic: Its name.
+        topic: Name of the topic.
         datatype: ``package/Type`` of its first connection.
-        messages: How many.
+        messages: Number of messages.
         payload: Bytes of the messages, uncompressed.
         stored: Bytes in the file: of each chunk and its index the part that its payload has in it.
     """
@@ -31,17 +31,17 @@ class TopicUsage(NamedTuple):
     stored: int
 
     def document(self) -> Dict[str, Any]:
-        """The same as JSON data."""
+        """Return the usage as JSON data."""
         return {"topic": self.topic, "type": self.datatype, "messages": self.messages, "payload_bytes": self.payload,
                 "stored_bytes": self.stored}
 
 
 def usage_of(reader: LogReader, on_progress: Optional[OnProgress] = None) -> List[TopicUsage]:
-    """What each topic takes, the largest first.
+    """Return the usage of each topic, the largest first.
 
     Args:
         reader: The log.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
     """
     count = len(reader.connections)
     messages, payload, stored = np.zeros(count, np.int64), np.zeros(count, np.int64), np.zeros(count)

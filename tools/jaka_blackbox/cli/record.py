@@ -71,7 +71,7 @@ _ALONE = ("output_name", "output_prefix", "split", "size", "duration", "snapshot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag record``."""
+    """Add the options of ``jaka_bag record`` to a parser."""
     record.add_arguments(parser)
     group = parser.add_argument_group("snapshots")
     group.add_argument("--snapshot", type=quantities.duration, metavar="TIME",
@@ -224,7 +224,7 @@ class Assembly:
             self._service.close()
 
     def on_signal(self) -> None:
-        """SIGUSR1 came."""
+        """Request a file of the black box, on SIGUSR1."""
         if self._box is not None:
             self._box.trigger(Trigger("signal", "SIGUSR1", ""))
 

@@ -23,7 +23,7 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag report``."""
+    """Add the options of ``jaka_bag report`` to a parser."""
     parser.add_argument("source", metavar="FILE", help="log of the driver's topics, .bag or .mcap")
     parser.add_argument("-o", "--output", metavar="PAGE", help="default: FILE with .html at its end")
     parser.add_argument("--force", action="store_true", help="overwrite the page")

@@ -35,7 +35,7 @@ _STEADY = 20
 
 
 class Trigger(NamedTuple):
-    """Why the log was kept: when, s; which kind, what was seen, on which topic."""
+    """The reason why a log was kept: the trigger's time, s, its kind, the observation in words, the topic."""
 
     at: float
     kind: str
@@ -91,22 +91,22 @@ class Motion(NamedTuple):
 
 @dataclass
 class Incident:
-    """What a log tells of an accident.
+    """The facts about an accident in a log.
 
     Attributes:
-        path: The log.
+        path: Path of the log.
         at_ns: Log time of the trigger, ns since the epoch.
         span: First and last time that is looked at, s.
-        triggers: By time.
-        joints: rad, by topic.
-        poses: m, by topic.
+        triggers: Triggers by time.
+        joints: Joint motion, rad, by topic.
+        poses: Motion of tool points, m, by topic.
         states: By topic and field: time in s, whole numbers.
-        calls: By time.
-        changes: Of diagnostics, by time.
-        silences: By time.
+        calls: Service calls by time.
+        changes: Changes in diagnostics, by time.
+        silences: Silences by time.
         counts: Messages by topic.
-        drops: What the recorder knows to be lost, by topic; numbers by kind.
-        facts: What the recorder said of itself, host, clock and versions.
+        drops: Messages known to the recorder as lost, by topic; numbers by kind.
+        facts: The recorder's statements about itself, host, clock and versions.
         attachments: Name and size, byte, of each.
     """
 
@@ -144,7 +144,7 @@ def _seconds(text: Optional[str], otherwise: float) -> float:
 
 
 def _first_fault(log: LogReader) -> List[Tuple[int, Any]]:
-    """The first fault that the messages themselves tell of."""
+    """Return the first fault that the messages themselves report."""
     watch = TriggerWatch([], lambda line: None)
     for message in messages_of(log, Selection(types=(STATE_TYPE, CALL_TYPE, DIAGNOSTICS_TYPE))):
         for trigger in watch.look(message.connection, message.data):
@@ -280,7 +280,7 @@ class _Loader:
 
 
 def _values(readers: Dict[Connection, Optional[ValueReader]], message: Message) -> Optional[Dict[str, Any]]:
-    """The values of a message; None where its definition does not describe it."""
+    """Return the values of a message; None where its definition does not describe it."""
     try:
         if message.connection not in readers:
             readers[message.connection] = None
@@ -292,7 +292,7 @@ def _values(readers: Dict[Connection, Optional[ValueReader]], message: Message) 
 
 
 def _rate(time: Array, value: Array) -> Array:
-    """Differences of neighbours by time, (n, k), of stamps that grow; 0 where there is one sample."""
+    """Return differences of neighbours over time, (n, k), for increasing stamps; 0 where there is only one sample."""
     if len(time) < 2:
         return np.zeros(value.shape)
     step = np.diff(time)

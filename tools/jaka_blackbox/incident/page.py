@@ -1,4 +1,4 @@
-"""What happened around an accident as one HTML page that needs no network and no scripts."""
+"""The HTML page about an accident, which needs no network and no scripts."""
 import os
 import time
 from html import escape
@@ -44,7 +44,7 @@ def _curve(time_s: Array, value: Array) -> Line:
 
 
 def _motion_figures(incident: Incident) -> List[Figure]:
-    """Position and speed of each joint."""
+    """Return figures of each joint's position and speed."""
     figures = []
     for topic, motion in incident.joints.items():
         for column, name in enumerate(motion.names):
@@ -61,7 +61,7 @@ def _plane_line(pose: Motion, one: int, other: int) -> Line:
 
 
 def _path_figures(incident: Incident) -> List[Figure]:
-    """The path of each tool point, its coordinates and its speed; the place at the trigger is marked."""
+    """Return figures of each tool point's path, with the place at the trigger marked, its coordinates and its speed."""
     figures = []
     for topic, pose in incident.poses.items():
         if not len(pose.time):
@@ -93,7 +93,7 @@ def _state_row(name: str, field: str, time_s: Array, value: Array, until: float)
 
 
 def _time_lines(incident: Incident) -> List[Figure]:
-    """States, calls and diagnostics in rows."""
+    """Return figures with a row for each state, call and diagnostics status."""
     rows, until = [], incident.span[1]
     for topic, fields in incident.states.items():
         arm = topic.rsplit("/", 2)[0].strip("/")
@@ -178,7 +178,7 @@ def _losses(incident: Incident) -> str:
 
 
 def incident_page(incident: Incident) -> str:
-    """The page, to be written as UTF-8."""
+    """Return the HTML page, to be written as UTF-8."""
     first = incident.triggers[0] if incident.triggers else None
     name = os.path.basename(incident.path)
     headline = "%s: %s" % (first.kind.replace("_", " "), first.detail) if first is not None else "what happened"

@@ -1,4 +1,4 @@
-"""What happened in each second around an accident, in words and figures."""
+"""The events and motions in each second around an accident, in words and figures."""
 import math
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -50,7 +50,7 @@ def _short(text: str) -> str:
 
 
 def events_of(incident: Incident) -> List[Event]:
-    """Everything that happened, by time."""
+    """Return all events by time."""
     events = [Event(one.at, "trigger", "TRIGGER %s: %s%s" % (
         one.kind, one.detail, " on %s" % one.topic if one.topic else "")) for one in incident.triggers]
     for topic, fields in incident.states.items():
@@ -75,7 +75,7 @@ def events_of(incident: Incident) -> List[Event]:
 
 
 def _largest(motion: Motion, start: int) -> Optional[Tuple[int, float]]:
-    """The column with the largest absolute velocity in a second, and that velocity."""
+    """Return the column with the largest absolute velocity in a second, and that velocity."""
     first, last = np.searchsorted(motion.time, (start, start + 1))
     part = np.abs(motion.velocity[int(first):int(last)])
     part = part[np.isfinite(part).all(axis=1)]
@@ -104,7 +104,7 @@ def _tool_speed(incident: Incident, start: int) -> Optional[float]:
 
 
 def seconds_of(incident: Incident) -> List[Second]:
-    """Each second with an event or a motion, and the quiet ones between, joined."""
+    """Return each second with an event or a motion, and the quiet stretches between, each joined into one."""
     by_second: Dict[int, List[Event]] = {}
     for event in events_of(incident):
         by_second.setdefault(math.floor(event.at), []).append(event)

@@ -39,7 +39,7 @@ NAME:=VALUE words remap topics; __name:=, __ns:= are known. Exit code: 0 done, 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_foxglove``."""
+    """Add the options of ``jaka_foxglove`` to a parser."""
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="topics to show (default: all); with -e regular "
                                                                    "expressions")
     what = parser.add_argument_group("what to show")

@@ -30,7 +30,7 @@ Exit code: 0 done, 1 failed, 2 usage.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag serve``."""
+    """Add the options of ``jaka_bag serve`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=".bag or .mcap; several are shown as one")
     what = parser.add_argument_group("what to show")
     what.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics")

@@ -1,4 +1,4 @@
-"""What the servers for Foxglove and Lichtblick share on the command line: who may connect, from where, at what cost."""
+"""The command-line options that both servers for Foxglove and Lichtblick share: access, address, limits."""
 import argparse
 import os
 from typing import TYPE_CHECKING, Callable, List
@@ -15,7 +15,7 @@ _OPEN = "%s: everybody who reaches this port sees %s; nothing is encrypted, and 
 
 
 def add_server(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of a server."""
+    """Add the options of a server to a parser."""
     group = parser.add_argument_group("who may connect")
     group.add_argument("--host", type=quantities.given, default="127.0.0.1", metavar="ADDRESS",
                        help="listen there (default 127.0.0.1: only this machine connects)")

@@ -1,4 +1,4 @@
-"""What is checked, one module a subject.
+"""The checks, one module a subject.
 
 rotation_angles   angles between orientations
 stream_checks     types, counts, rates, jitter, gaps, stamps

@@ -24,15 +24,15 @@ class CallPair(NamedTuple):
 
 def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
                 common: Tuple[float, float], outer: Decision) -> List[Check]:
-    """All services; none where neither log has calls.
+    """Check the calls of all services; return no checks where neither log has calls.
 
     Args:
         golden: The golden log.
         candidate: The candidate.
-        alignment: Of both.
-        tolerances: What is allowed.
+        alignment: Alignment of both logs.
+        tolerances: Limits for deviations.
         common: Golden times between which both logs have messages, s; calls outside of it are not compared.
-        outer: Whether a call so far, s, outside of ``common`` is compared nevertheless.
+        outer: Decides whether a call at most so far, s, outside of ``common`` is compared nevertheless.
     """
     limits = tolerances.calls
     lag = alignment.lag
@@ -75,7 +75,7 @@ def _outcome(call: Call) -> str:
 
 def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
                   limits: CallTolerance) -> Tuple[List[CallPair], List[Check]]:
-    """Pairs of the calls of one service, and what differs."""
+    """Pair the calls of one service; return the pairs and a check for each difference."""
     found: List[CallPair] = []
     differences: List[Check] = []
 
@@ -115,7 +115,7 @@ def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallToleran
 
 
 def _values(text: str) -> Dict[str, str]:
-    """The top-level fields of a response as text, but for ``message``."""
+    """Return the top-level fields of a response as text, without ``message``."""
     values: Dict[str, str] = {}
     name = ""
     for line in text.splitlines():
@@ -129,7 +129,7 @@ def _values(text: str) -> Dict[str, str]:
 
 
 def _off(ours: str, theirs: str) -> float:
-    """How far a number in a response is from the golden one; infinite where they are no numbers and differ."""
+    """Return the deviation of a number in a response from the golden one; infinite for different text."""
     if ours == theirs:
         return 0.0
     try:
@@ -146,7 +146,7 @@ def _value_off(ours: str, theirs: str) -> float:
 
 
 def _response_off(ours: Call, theirs: Call, limits: CallTolerance) -> float:
-    """How far the numbers of a response are off; infinite where something else differs."""
+    """Return the largest deviation of a response's numbers; infinite where something else differs."""
     if limits.response == "exact":
         return 0.0 if ours.response == theirs.response else math.inf
     values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
@@ -175,7 +175,7 @@ def _response_checks(pairs: Sequence[CallPair], limits: CallTolerance) -> List[C
 
 
 def _worst_durations(pairs: Sequence[CallPair]) -> Tuple[Tuple[float, float], ...]:
-    """(s off, s of the golden call) of the calls that no shorter one outdoes."""
+    """Return (deviation, s, duration of the golden call, s) of the calls that no shorter call exceeds."""
     worst: List[Tuple[float, float]] = []
     for length, off in sorted((both.golden.duration, -abs(both.candidate.duration - both.golden.duration))
                               for both in pairs):
@@ -185,7 +185,7 @@ def _worst_durations(pairs: Sequence[CallPair]) -> Tuple[Tuple[float, float], ..
 
 
 def allowed_duration(golden_s: float, limits: CallTolerance) -> float:
-    """How far the duration of a call that takes ``golden_s`` may be off, s."""
+    """Return the allowed deviation, s, of the duration of a call that takes ``golden_s``."""
     return limits.duration_s + 0.01 * limits.duration_percent * golden_s
 
 

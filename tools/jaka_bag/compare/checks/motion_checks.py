@@ -17,15 +17,15 @@ from .rotation_angles import continuous, quaternions
 RESOLUTION = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
 _SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
-"""Of these multiples of a limit it is counted how many samples are outside."""
+"""Multiples of a limit for each of which the samples outside are counted."""
 _BEHIND_S = 10.0
-"""So much of the golden curve stays at hand, behind what any sample was looked for in."""
+"""Span, s, of the golden curve that is kept before the times where samples have been sought."""
 _CLOSE_UP_S = 1.0
 _POINTS = 1100
 
 
 class Frame(NamedTuple):
-    """What the checks of one comparison have in common."""
+    """The context that the checks of one comparison share."""
 
     alignment: Alignment
     tolerances: Tolerances
@@ -35,7 +35,7 @@ class Frame(NamedTuple):
 
     @property
     def jitter_s(self) -> float:
-        """How far any stamp may be off, s."""
+        """The largest error of a stamp, s."""
         return ms_to_s(self.tolerances.timing.jitter_ms)
 
 
@@ -54,12 +54,12 @@ class _Samples(NamedTuple):
     golden_here: Array
 
     def columns(self, some: slice) -> "_Samples":
-        """The same samples with some of their columns."""
+        """Return the samples with some of their columns."""
         return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
                              golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
 
     def distances(self, enough: float) -> Array:
-        """Of each sample to the golden curve, Euclidean over the columns; exact where beyond ``enough``."""
+        """Return each sample's Euclidean distance to the golden curve; exact where above ``enough``."""
         return distances(self.golden_time, self.golden_value, self.time, self.value,
                          lengths(self.value - self.golden_here), self.jitter, enough)
 
@@ -73,7 +73,7 @@ def _as_they_are(value: Array, _before: Optional[Array]) -> Array:
 
 
 def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
-    """Positions, and orientations as quaternions that interpolate: shape (n, 6) to (n, 7)."""
+    """Convert orientations to quaternions that interpolate; with the positions: shape (n, 6) to (n, 7)."""
     orientation = quaternions(value[:, 3:])
     if before is not None:
         orientation = continuous(np.concatenate([before[3:][None], orientation]))[1:]
@@ -119,7 +119,7 @@ class _GoldenCurve:
 
 
 class _Aligned:
-    """Gives the samples of a candidate's track at golden times, window by window."""
+    """An iterator over the windows of a candidate's track, as samples at golden times."""
 
     def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, convert: Convert = _as_they_are) -> None:
         self._theirs, self._frame, self._convert = theirs, frame, convert
@@ -135,7 +135,7 @@ class _Aligned:
         self.can_be_compared = ours.facts.finite_count >= 2 and theirs.facts.finite_count > 0
 
     def samples(self, block: Track) -> Optional[_Samples]:
-        """Of a window of the candidate, which follows the one before; None where there are none."""
+        """Return the samples of the candidate's next window; None where there are none."""
         block = block.finite()
         if not len(block.time) or not self.can_be_compared:
             return None
@@ -180,7 +180,7 @@ class _Judge:
         self._close_up = np.zeros((0, 2))
 
     def take(self, off: Array, allowed: Array, samples: _Samples) -> None:
-        """Further samples."""
+        """Add further samples."""
         beyond = np.maximum(off - allowed, 0.0)
         self._count += len(off)
         self._outside += int((beyond > self._limit).sum())
@@ -200,7 +200,7 @@ class _Judge:
         self._tail = rows[rows[:, 0] >= rows[-1, 0] - _CLOSE_UP_S]
 
     def check(self, residuals: Dict[ResidualKey, Residual]) -> Check:
-        """The outcome, when all samples were taken; how far off they were goes into ``residuals``."""
+        """Return the outcome, after all samples; add their deviations to ``residuals``."""
         topic, field, unit, factor = self._topic, self._field, self._unit, self._factor
         if not self._count:
             return _nothing_common(self._aspect, topic)
@@ -225,7 +225,7 @@ class _Judge:
 
 
 class MotionWatch:
-    """Takes in one track of the candidate, a window at a time, and compares it with the golden one."""
+    """A comparison of one track of the candidate, taken in by windows, with the golden one."""
 
     def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
                  convert: Convert = _as_they_are) -> None:
@@ -251,11 +251,11 @@ class MotionWatch:
         raise NotImplementedError
 
     def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
-        """The outcomes, when all windows were taken."""
+        """Return the outcomes, after all windows."""
         return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals))
 
     def _nan_checks(self) -> List[Check]:
-        """The policy for values that are not finite."""
+        """Return the checks that the policy for values that are not finite demands."""
         ours, theirs, frame = self._ours, self._theirs, self._frame
         policy = frame.tolerances.nan
         if policy == "ignore" or (ours.facts.count == ours.facts.finite_count
@@ -276,12 +276,12 @@ class MotionWatch:
 
 
 def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
-    """Of several fields that have no sample in common one says so."""
+    """Return only the first check where none of several fields has a sample in common."""
     return checks[:1] if all(check.measured is None for check in checks) else checks
 
 
 def _near(times: Array, others: Array, reach: float) -> Array:
-    """Whether one of ``others``, ascending, is within ``reach`` of each time."""
+    """Return whether one of ``others``, ascending, is within ``reach`` of each time."""
     near: Array = np.searchsorted(others, times - reach) < np.searchsorted(others, times + reach, "right")
     return near
 
@@ -305,7 +305,7 @@ class _JointWatch(MotionWatch):
 
 
 def _angles(chords: Array) -> Array:
-    """Angles between orientations whose unit quaternions are so far apart as points: 2 sin(angle/4)."""
+    """Return angles, rad, between orientations from the distances of their unit quaternions: 2 sin(angle/4)."""
     angles: Array = 4.0 * np.arcsin(np.minimum(0.5 * chords, np.sin(np.pi / 4.0)))
     return angles
 
@@ -362,7 +362,7 @@ class _FieldWatch(MotionWatch):
 
 
 def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
-    """What compares joints, tool poses and further fields; and the checks of those that cannot be compared.
+    """Return the watches for joints, tool poses and further fields, and the checks of those that cannot be compared.
 
     Both runs hold only topics that the other has with the same types.
     """

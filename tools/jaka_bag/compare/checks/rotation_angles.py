@@ -5,7 +5,7 @@ from ...messages.batch import Array
 
 
 def quaternions(rotation_vector: Array) -> Array:
-    """Unit quaternions (w, x, y, z) of rotation vectors, rad, shape (n, 3) to (n, 4)."""
+    """Return unit quaternions (w, x, y, z) of rotation vectors, rad, shape (n, 3) to (n, 4)."""
     half = 0.5 * np.sqrt((rotation_vector * rotation_vector).sum(axis=1))
     result = np.empty((len(rotation_vector), 4))
     result[:, 0] = np.cos(half)
@@ -14,7 +14,7 @@ def quaternions(rotation_vector: Array) -> Array:
 
 
 def continuous(quaternion: Array) -> Array:
-    """The same rotations with the sign of each quaternion next to that of the one before, so that they interpolate."""
+    """Return the rotations with the sign of each quaternion next to the one before, so that they interpolate."""
     if len(quaternion) < 2:
         return quaternion
     flips = (quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0

@@ -27,7 +27,7 @@ class StateRun(NamedTuple):
 
 
 def state_runs(track: Track, column: int, until: float) -> List[StateRun]:
-    """The run-length form of one column; the last run ends at ``until``."""
+    """Return the run-length form of one column; the last run ends at ``until``."""
     value = track.value[:, column]
     if not len(value):
         return []
@@ -37,7 +37,7 @@ def state_runs(track: Track, column: int, until: float) -> List[StateRun]:
 
 
 def without_brief(runs: List[StateRun], brief_s: float) -> List[StateRun]:
-    """The runs longer than ``brief_s``, equal neighbours joined."""
+    """Return the runs longer than ``brief_s``, with equal neighbours joined."""
     result: List[StateRun] = []
     for run in runs:
         if run.length <= brief_s:
@@ -50,7 +50,7 @@ def without_brief(runs: List[StateRun], brief_s: float) -> List[StateRun]:
 
 
 def state_name(field: str, value: int) -> str:
-    """What a state is called in reports."""
+    """Return the name of a state for reports."""
     if field == "motion_state" and value in MotionState.__members__.values():
         return MotionState(value).name.lower().replace("_", " ")
     if field in ("power_state", "servo_state", "collision_state"):
@@ -60,7 +60,7 @@ def state_name(field: str, value: int) -> str:
 
 def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
                  course: Course) -> List[Check]:
-    """Each state field of topics that both logs have; what depends on the lengths of states is noted in ``course``."""
+    """Check each state field of topics that both logs have; record in ``course`` decisions about states' lengths."""
     checks: List[Check] = []
     for topic, ours in golden.states.items():
         theirs = candidate.states.get(topic)
@@ -78,7 +78,7 @@ def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: 
 
 
 def _overlap(runs: List[StateRun], begin: float, end: float) -> List[StateRun]:
-    """The parts of runs between two times, s; parts of no length left out."""
+    """Return the parts of runs between two times, s, without parts of zero length."""
     return [StateRun(run.value, max(run.start, begin), min(run.end, end)) for run in runs
             if run.end > begin and run.start < end]
 
@@ -121,7 +121,7 @@ def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[Stat
 
 
 def _weight(runs: List[StateRun], i: int, limits: StateTolerance) -> float:
-    """Cost of leaving a run alone: little for one that may be missed.
+    """Return the cost of leaving a run alone: little for one that may be missed.
 
     At the edges a run may be cut short: whether it is there at all then depends on when the recording began.
     """
@@ -134,7 +134,7 @@ def _entries(runs: List[StateRun], limits: StateTolerance) -> List[Entry]:
 
 
 def _may_miss(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
-    """Whether the other log may lack a run: it is brief, short at an edge, or one of two equal ones around a brief."""
+    """Return whether the other log may lack a run: one brief, short at an edge, or next to a brief one."""
     if _weight(runs, i, limits) < 1.0:
         return True
     # the other log missed the brief run between two equal ones: one of the two then has no partner

@@ -1,4 +1,4 @@
-"""What must hold of every topic, whatever it carries: type, count, rate, jitter, gaps, lost messages, stamps."""
+"""The checks of every topic, whatever it carries: type, count, rate, jitter, gaps, lost messages, stamps."""
 import bisect
 import itertools
 import math
@@ -21,12 +21,12 @@ _OTHER_GAP_S = 10.0
 
 
 class StreamWatch:
-    """Takes in the messages of one topic in the order of recording, a window at a time.
+    """Statistics of one topic's messages, taken in by windows in the order of recording.
 
     Args:
         stream: The topic.
-        begin: Messages from this log time on are in the time that both logs cover, s,
-        end: and up to this one.
+        begin: First log time, s, of the span that both logs cover.
+        end: Last log time, s, of that span.
         gap_s: A silence longer than this is a gap.
     """
 
@@ -109,7 +109,7 @@ class StreamWatch:
 
 
 def type_checks(golden: Run, candidate: Run, tolerances: Tolerances) -> List[Check]:
-    """Each topic is in both logs, with the same type."""
+    """Check that each topic is in both logs, with the same type."""
     checks = []
     for topic in sorted(set(golden.streams) | set(candidate.streams)):
         ours, theirs = golden.streams.get(topic), candidate.streams.get(topic)
@@ -139,13 +139,13 @@ class _Common(NamedTuple):
 
 
 def common_time(golden: Run, candidate: Run, alignment: Alignment) -> Tuple[float, float]:
-    """Golden times between which both logs have messages, s."""
+    """Return the golden times between which both logs have messages, s."""
     return max(0.0, -alignment.lag), min(golden.duration, candidate.duration - alignment.lag)
 
 
 def stream_watches(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
                    topics: Sequence[str]) -> Tuple[Dict[str, StreamWatch], Dict[str, StreamWatch]]:
-    """What takes in the messages of the golden log and of the candidate, by topic."""
+    """Return the watches that take in the messages of the golden log and of the candidate, by topic."""
     begin, end = common_time(golden, candidate, alignment)
     gap_s = tolerances.streams.gap_s
     return ({topic: StreamWatch(golden.streams[topic], begin, end, gap_s) for topic in topics},
@@ -155,7 +155,7 @@ def stream_watches(golden: Run, candidate: Run, alignment: Alignment, tolerances
 
 def stream_checks(golden: Dict[str, StreamWatch], candidate: Dict[str, StreamWatch], alignment: Alignment,
                   tolerances: Tolerances, time_scale: float) -> List[Check]:
-    """Counts, rates, jitter, gaps, lost messages and stamps of topics that both logs have, all messages taken in."""
+    """Check counts, rates, jitter, gaps, lost messages and stamps of topics that both logs have, after all messages."""
     limits = tolerances.streams
     checks: List[Check] = []
     for topic, ours in golden.items():
@@ -186,7 +186,7 @@ def _count_check(both: _Common, limits: StreamTolerance) -> Check:
 
 
 def _rate_and_jitter(intervals: Quantiles) -> Tuple[float, float]:
-    """Mean rate, Hz, and 99th percentile of |interval - mean|, s."""
+    """Return the mean rate, Hz, and the 99th percentile of |interval - mean|, s."""
     if not intervals.total > 0:
         return 0.0, 0.0
     mean = intervals.total / intervals.count
@@ -227,7 +227,7 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
 
 
 def _gap_off(gaps: Sequence[Tuple[float, float]], start: float, length: float) -> float:
-    """How far in begin and in length, whichever is more, a gap is from the nearest of ``gaps``, s.
+    """Return the deviation, s, of a gap from the nearest of ``gaps``: the larger of those in begin and in length.
 
     Infinite where there is none within ten seconds.
     """

@@ -13,7 +13,7 @@ _POOLED_S = 2.0
 
 
 def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: Tolerances) -> List[Check]:
-    """Does each motion begin when it should, and last as long as it should?"""
+    """Check that each motion begins and lasts as it should."""
     limits = tolerances.timing
     checks: List[Check] = []
     for arm, episodes in alignment.episodes.items():
@@ -32,12 +32,12 @@ def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: 
 
 
 def allowed_pace(span: float, limits: TimingTolerance) -> float:
-    """How far the duration of motions that last ``span``, s, may be off, %."""
+    """Return the allowed deviation, %, of the duration of motions that last ``span``, s."""
     return max(100.0 * ms_to_s(limits.pace_floor_ms) / span, limits.pace_percent)
 
 
 def _worst_paces(paces: Sequence[Tuple[float, float]]) -> Tuple[Tuple[float, float], ...]:
-    """Of (% off, s of the motion) those that no other outdoes in both the share and the time that it is off."""
+    """Return the (deviation in %, duration in s) of motions that no other exceeds in both the share and the time."""
     worst: List[Tuple[float, float]] = []
     longest = -1.0
     for percent, span in sorted(paces, key=lambda pace: (-pace[0], -pace[1])):
@@ -81,7 +81,7 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
 
 def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Alignment,
                    tolerances: Tolerances) -> Check:
-    """Does the candidate's recording hold everything that happens in the golden log?"""
+    """Check that the candidate's recording holds everything that happens in the golden log."""
     times = [call.start for call in golden.calls] + [call.end for call in golden.calls]
     for episodes in alignment.episodes.values():
         times += [time for episode in episodes for time in (episode.start, episode.end)]

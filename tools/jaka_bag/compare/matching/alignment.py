@@ -1,4 +1,4 @@
-"""Finds the candidate's time for each time of the golden log: by the logs' own events, then by all joints together.
+"""The candidate's time for each time of the golden log: by the logs' own events, then by all joints together.
 
 The lag that both logs have in common is a late start: no fault. Each motion then gets a lag and a pace of its own,
 which are judged: a motion that begins late or runs slowly is a difference. Nothing is warped: positions are compared
@@ -18,7 +18,7 @@ from .sequences import Entry, pair
 _LONGEST_S = 600.0
 """A longer motion is cut into parts of this length."""
 _BATCH_S, _BATCH_MOTIONS = 600.0, 200
-"""So much of a log is fitted at once."""
+"""Length, s, and number of motions of the part of a log that is fitted at once."""
 _SPLIT_S = 0.3
 _STREAM_SERVICES = ("servo_j", "servo_p")
 _VOTES_A_KEY = 60
@@ -73,7 +73,7 @@ class Alignment:
     episodes: Dict[str, Tuple[Episode, ...]] = field(default_factory=dict)
 
     def golden_time(self, arm: str, candidate_time: Array) -> Array:
-        """Golden times of candidate times, s, never stepping back.
+        """Return golden times of candidate times, s, never decreasing.
 
         A motion has its own lag at the golden pace; the rest between two motions is as long as it needs to be.
         """
@@ -91,7 +91,7 @@ class Alignment:
         return result
 
     def candidate_time(self, arm: str, golden_time: float) -> float:
-        """The candidate's time of a golden time, s."""
+        """Return the candidate's time of a golden time, s."""
         episodes = self.episodes.get(arm, ())
         if not episodes:
             return golden_time + self.lag
@@ -107,7 +107,7 @@ Spans = Sequence[Tuple[float, float]]
 
 
 def motions_by_calls(motions: Sequence[Window], calls: Sequence[Call]) -> List[Window]:
-    """The motions of a golden arm, (start, end) in s, cut where a further call begins one, and long ones into parts."""
+    """Split a golden arm's motions, (start, end) in s, where a further call begins one, and long ones."""
     starts = np.array([call.start for call in calls if call.short_name not in _STREAM_SERVICES])
     result: List[Window] = []
     for start_time, end_time in motions:
@@ -123,7 +123,7 @@ def motions_by_calls(motions: Sequence[Window], calls: Sequence[Call]) -> List[W
 
 
 def _events(run: Run) -> Dict[object, List[float]]:
-    """Times of the log's own events by what they are: calls with their requests, changes of state."""
+    """Return times of the log's own events by their meaning: calls with their requests, changes of state."""
     events: Dict[object, List[float]] = {}
     for call in run.calls:
         events.setdefault((call.service, call.request), []).append(call.start)
@@ -136,7 +136,7 @@ def _events(run: Run) -> Dict[object, List[float]]:
 
 
 def event_lag(golden: Run, candidate: Run) -> Optional[float]:
-    """The lag that most pairs of like events agree on, s; None where the logs have no event in common."""
+    """Return the lag, s, that most pairs of like events agree on; None where the logs have no event in common."""
     ours, theirs = _events(golden), _events(candidate)
     votes: List[Array] = []
     for key in ours:
@@ -158,7 +158,7 @@ def event_lag(golden: Run, candidate: Run) -> Optional[float]:
 
 
 def motion_lag(golden: Sequence[LongTrack], candidate: Sequence[LongTrack]) -> Optional[float]:
-    """The lag at which the speeds of all joints of all arms agree best, s; None where nothing moves."""
+    """Return the lag, s, at which the speeds of all joints of all arms agree best; None where nothing moves."""
     step = 0.05
     end = max(track.facts.last for track in list(golden) + list(candidate))
     grid = np.arange(0.0, end + step, step)
@@ -176,7 +176,7 @@ def motion_lag(golden: Sequence[LongTrack], candidate: Sequence[LongTrack]) -> O
 
 
 def _call_lags(golden: Sequence[Call], candidate: Sequence[Call], lag: float) -> Tuple[Array, Array]:
-    """Golden times of the calls that both logs have, and the lag of each, s."""
+    """Return golden times of the calls that both logs have, and the lag of each, s."""
     times: List[float] = []
     lags: List[float] = []
     services = {call.service for call in golden if call.short_name not in _STREAM_SERVICES}
@@ -201,12 +201,12 @@ class Arm(NamedTuple):
 
 
 def calls_of(run: Run, arm: str, arms: List[str]) -> List[Call]:
-    """The calls that one of several arms served."""
+    """Return the calls that one of several arms served."""
     return [call for call in run.calls if arm_of(call.service, arms) == arm]
 
 
 def arms_of(golden: Run, candidate: Run) -> Dict[str, Arm]:
-    """The arms that both logs can be aligned by; of each the first topic of joints that both have."""
+    """Return the arms that both logs can be aligned by, each with the first topic of joints that both have."""
     arms = golden.arms
     result: Dict[str, Arm] = {}
     for topic in sorted(golden.joints, key=lambda name: (not name.endswith("/joint_position"), name)):
@@ -221,18 +221,18 @@ def arms_of(golden: Run, candidate: Run) -> Dict[str, Arm]:
 
 
 class Aligner:
-    """Finds when in the candidate what the golden log shows happened; motion by motion, as far as it is asked for.
+    """The search for the candidate's time of each golden motion, as far as it is asked for.
 
     Args:
         golden: The golden log.
         candidate: The candidate.
-        arms: Of both.
+        arms: Arms that are in both.
         fit_ends: By arm, (start of a motion, time from which it is no longer fitted), s: motions cut off end where
             the stop found them, not where their target was.
-        good_fit: Whether what a fit leaves, rad, is so little that it is not searched further; None: at most 2 mrad.
+        good_fit: Decides whether a fit's residual, rad, is too small to search further; None: at most 2 mrad.
 
     Attributes:
-        alignment: What was found; ``fit_until`` adds motions to it.
+        alignment: The result so far; ``fit_until`` adds motions to it.
     """
 
     def __init__(self, golden: Run, candidate: Run, arms: Dict[str, Arm],
@@ -293,12 +293,12 @@ def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[
 
 
 def _fitted(spans: Spans, ends: Dict[float, float]) -> List[Window]:
-    """The part of each motion that is fitted, golden times in s."""
+    """Return the part of each motion that is fitted, golden times in s."""
     return [(start - _MARGIN_S, max(min(end + _MARGIN_S, ends.get(start, end)), start + 0.1)) for start, end in spans]
 
 
 def _batches(spans: Spans) -> Iterator[slice]:
-    """Motions that are fitted at once."""
+    """Yield slices of motions that are fitted at once."""
     first = 0
     for number in range(1, len(spans) + 1):
         if number == len(spans) or number - first >= _BATCH_MOTIONS or spans[number][1] - spans[first][0] > _BATCH_S:
@@ -307,7 +307,7 @@ def _batches(spans: Spans) -> Iterator[slice]:
 
 
 def _lag_near(span: Tuple[float, float], call_times: Array, call_lags: Array, lag: float) -> float:
-    """The lag of the last call before a motion began, where it is about this motion; else the common one."""
+    """Return the lag of the last call before a motion began, where it is about this motion; else the common lag."""
     before = int(np.searchsorted(call_times, span[0] + 0.02)) - 1
     if before >= 0 and span[0] - call_times[before] < 1.0:
         return float(call_lags[before])

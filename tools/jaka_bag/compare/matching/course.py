@@ -1,8 +1,8 @@
-"""Where tolerances decide about the course of a comparison, not only about its end, and how far each could be other.
+"""The decisions by which tolerances steer a comparison's course, and the limits for which it would be the same.
 
 Most tolerances are limits: the amounts that were measured are judged again against other ones. A few decide what is
-measured: whether a fit is searched further, which states are brief. Of these a comparison notes between which values
-it would have gone the same way.
+measured: whether a fit is searched further, which states are brief. Of these a comparison records the values between
+which it would have gone the same way.
 """
 from typing import Dict, List, Tuple
 
@@ -17,7 +17,7 @@ _CHANGED_BY = {"good_fit": "joints.position_rad", "brief_state": "states.brief_s
 
 
 def course_limits(tolerances: Tolerances) -> Dict[str, float]:
-    """The limit of each decision: rad of ``good_fit``, else s."""
+    """Return the limit of each decision: rad of ``good_fit``, else s."""
     return {"good_fit": max(tolerances.joints.position_rad, _LEAST_FIT_RAD),
             "brief_state": tolerances.states.brief_s,
             "edge_state": max(tolerances.states.brief_s, tolerances.states.timing_s),
@@ -25,12 +25,12 @@ def course_limits(tolerances: Tolerances) -> Dict[str, float]:
 
 
 class Decision:
-    """Decides again and again whether amounts are within a limit.
+    """A repeated decision whether amounts are within a limit.
 
     Attributes:
         limit: The limit.
-        low: The largest amount that was within it,
-        high: and the smallest that was not: with every limit from ``low`` up to but without ``high`` all answers are
+        low: The largest amount that was within the limit.
+        high: The smallest amount that was not: with every limit from ``low`` up to but without ``high`` all answers are
             the same.
     """
 
@@ -39,7 +39,7 @@ class Decision:
         self.low, self.high = -np.inf, np.inf
 
     def within(self, amounts: Array) -> Array:
-        """Which of some amounts are not beyond the limit, bool, of the same shape; NaN is not beyond."""
+        """Return a mask, bool, of the amounts that are not beyond the limit, of the same shape; NaN is not beyond."""
         beyond: Array = amounts > self.limit
         if beyond.any():
             self.high = min(self.high, float(amounts[beyond].min()))
@@ -57,11 +57,11 @@ class Course:
             Decision(limits[name]) for name in _CHANGED_BY)
 
     def ranges(self) -> Dict[str, Tuple[float, float]]:
-        """(from, up to but without) of each decision's limit with which the course is the same."""
+        """Return (from, up to but without) of each decision's limit with which the course is the same."""
         return {name: (decision.low, decision.high) for name, decision in vars(self).items()}
 
 
 def left_by(ranges: Dict[str, Tuple[float, float]], tolerances: Tolerances) -> List[str]:
-    """The tolerances, as ``states.brief_s``, with which a comparison of such ``ranges`` would take another course."""
+    """Return the tolerances, as ``states.brief_s``, that would change the course of a comparison with ``ranges``."""
     return [_CHANGED_BY[name] for name, limit in course_limits(tolerances).items()
             if not ranges[name][0] <= limit < ranges[name][1]]

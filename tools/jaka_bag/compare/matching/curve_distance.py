@@ -1,4 +1,4 @@
-"""How far samples of the candidate are from the golden curve, where each stamp may be off by a little."""
+"""The distances of the candidate's samples from the golden curve, for stamps with small errors."""
 from typing import Optional
 
 import numpy as np
@@ -11,7 +11,7 @@ _SLOWEST_RHYTHM = 1.1
 
 
 def interpolated(time: Array, value: Array, at: Array) -> Array:
-    """The curve at some times, shape (len(at), columns); held at its ends."""
+    """Interpolate the curve at some times, shape (len(at), columns); hold it at its ends."""
     right = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     part = (at - time[right - 1]) / np.maximum(time[right] - time[right - 1], 1e-9)
     part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
@@ -20,16 +20,16 @@ def interpolated(time: Array, value: Array, at: Array) -> Array:
 
 
 def lengths(vectors: Array) -> Array:
-    """Euclidean length of each row."""
+    """Return the Euclidean length of each row."""
     result: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return result
 
 
 class Lateness:
-    """How late the stamp of each sample may be because its reader had no time.
+    """The delays of stamps whose reader was held up.
 
-    A reader that was held up finds what came meanwhile all at once: after a silence stamps lie close together until
-    it has caught up. So much as they lie behind a steady rhythm they may be late.
+    A reader that was held up finds all that came meanwhile at once: after a silence stamps lie close together until it
+    has caught up. A stamp's delay may be as much as it lies behind a steady rhythm.
 
     Args:
         rhythm: The usual time from stamp to stamp, s; 0 where it is not known: nothing is late.
@@ -43,7 +43,7 @@ class Lateness:
         self._late = 0.0
 
     def of(self, time: Array) -> Array:
-        """For further stamps, s, shape (n,), ascending from call to call: how late each may be, s, shape (n,)."""
+        """Return the largest delay, s, of each further stamp, s, shape (n,); stamps ascend from call to call."""
         if not len(time) or self._period <= 0:
             return np.zeros(len(time))
         steps = np.diff(time, prepend=time[0] if self._last is None else self._last)
@@ -58,7 +58,7 @@ class Lateness:
 
 
 def lateness(time: Array, longest_s: float) -> Array:
-    """``Lateness`` of all stamps of a short log, s, shape (n,)."""
+    """Return the ``Lateness`` of all stamps of a short log, s, shape (n,)."""
     if len(time) < 3:
         return np.zeros(len(time))
     return Lateness(float(np.median(np.diff(time))), longest_s).of(time)
@@ -66,7 +66,7 @@ def lateness(time: Array, longest_s: float) -> Array:
 
 def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: Array,
               enough: float) -> Array:
-    """Distance of each sample to the piece of the golden curve that is within the jitter of its stamp.
+    """Return each sample's distance to the piece of the golden curve that is within the jitter of its stamp.
 
     Args:
         time: Golden times, s, shape (n,), ascending; at least two.
@@ -74,7 +74,7 @@ def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, 
         at: Golden times of the samples, s, shape (m,).
         seen: The samples, shape (m, columns).
         direct: Distance of each sample to the golden curve at its own time, shape (m,).
-        jitter_s: How far the stamp of each sample may be off, s, shape (m,).
+        jitter_s: Largest error of each sample's stamp, s, shape (m,).
         enough: A sample whose distance at its own time is within this is not looked at further.
     """
     result: Array = direct.copy()

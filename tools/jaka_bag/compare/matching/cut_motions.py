@@ -32,7 +32,7 @@ class Cut(NamedTuple):
 
 
 def _stops(run: Run, arm: str, arms: List[str], calls: Sequence[Call]) -> List[float]:
-    """Golden times of everything that ends motions."""
+    """Return golden times of all events that end motions."""
     times = [call.start for call in calls if call.short_name in _STOP_SERVICES]
     for topic, track in run.states.items():
         if arm_of(topic, arms) != arm:
@@ -48,7 +48,7 @@ def _stops(run: Run, arm: str, arms: List[str], calls: Sequence[Call]) -> List[f
 
 
 def cut_motions(run: Run, name: str, arm: Arm) -> List[Cut]:
-    """The cut motions of one arm of a golden log, in the order of time."""
+    """Return the cut motions of one arm of a golden log, in the order of time."""
     calls, spans = arm.calls, arm.spans
     stops = np.array(_stops(run, name, run.arms, calls))
     motion_calls = [call for call in calls if call.short_name in _JOG_SERVICES + _ABSOLUTE_SERVICES]
@@ -77,13 +77,13 @@ def fit_ends(cuts: Sequence[Cut]) -> List[Tuple[float, float]]:
 
 
 class Allowances:
-    """How far each column of a track may be off because of cuts, in its unit.
+    """The allowed deviation of each column of a track because of cuts, in the column's unit.
 
     Args:
-        cuts: Of the golden log.
+        cuts: Cuts of the golden log.
         track: The golden track.
-        cut_s: How much sooner or later a cut may come, s.
-        values: What is compared of the track's values; of the same number of rows.
+        cut_s: Largest shift of a cut in time, s.
+        values: The values, of the track's number of rows, that are compared.
     """
 
     def __init__(self, cuts: Sequence[Cut], track: LongTrack, cut_s: float,
@@ -95,7 +95,7 @@ class Allowances:
         self._active: List[Tuple[Cut, Array]] = []
 
     def at(self, times: Array, columns: int) -> Array:
-        """Golden times asked for, s, ascending from call to call; the result's shape is (len(times), columns)."""
+        """Return allowed deviations, (len(times), columns), at golden times, s, ascending from call to call."""
         result = np.zeros((len(times), columns))
         if not len(times):
             return result

@@ -14,7 +14,7 @@ _STEP_S = 0.05
 _LEAST_POWER = 1e-9
 _KNEE_RAD = 2e-4
 COMMON_MOTIONS = 60
-"""So many motions of each arm are enough to find the lag that all have in common."""
+"""Number of motions of each arm that suffice to find their common lag."""
 _LATE_ONE_BY_ONE = 10.0
 _MOST_STEP_S = 0.2
 _FARTHEST_S = _ROUNDS * _MOST_STEP_S + 0.5
@@ -22,7 +22,7 @@ _NEAR_S = 1.0
 
 
 def speeds(time: Array, value: Array, reach: int) -> Array:
-    """Rate of change of each column over ``reach`` samples to either side, unit/s; 0 where there are not so many."""
+    """Return the rate of change of each column over ``reach`` samples to either side, unit/s; 0 near the ends."""
     result = np.zeros(value.shape)
     if len(time) > 2 * reach:
         span = np.maximum(time[2 * reach:] - time[:-2 * reach], 1e-6)
@@ -52,14 +52,14 @@ class Curve:
         self.time, self._both = np.concatenate(times), np.concatenate(pieces)
 
     def at(self, times: Array) -> Tuple[Array, Array]:
-        """Values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
+        """Return values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
         joints = self._both.shape[1] // 2
         both = interpolated(self.time, self._both, times.ravel()).reshape(times.shape + (2 * joints,))
         return both[..., :joints], both[..., joints:]
 
 
 def _joined(windows: Sequence[Window]) -> List[Window]:
-    """The same windows in the order of time, those that are near each other as one."""
+    """Return the windows in the order of time, with those near each other joined."""
     result: List[Window] = []
     for begin, end in sorted(windows):
         if result and begin <= result[-1][1] + _NEAR_S:
@@ -90,17 +90,17 @@ class Motions:
         return middle
 
     def some(self, which: Union[Array, slice]) -> "Motions":
-        """The motions that ``which``, a mask, indices or a slice, picks."""
+        """Return the motions that ``which``, a mask, indices or a slice, picks."""
         return Motions(self.times[which], self.values[which], self.candidate)
 
 
 class Fits(NamedTuple):
-    """Fits of motions, one a row.
+    """The fits of motions, one a row.
 
     Attributes:
         lag: Candidate time - golden time at the centre, s.
         pace: Candidate duration / golden duration.
-        rms: Of what remains, rad.
+        rms: RMS of the residuals, rad.
     """
 
     lag: Array
@@ -110,7 +110,7 @@ class Fits(NamedTuple):
 
 def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[Window], samples: int, around: Array,
             reach_s: float) -> Motions:
-    """Motions between golden times (start, end), s; the candidate's are looked for near the lags ``around``, s."""
+    """Sample motions between golden times (start, end), s; seek the candidate's near the lags ``around``, s."""
     part = np.linspace(0.0, 1.0, samples)
     edges = np.array(spans, float).reshape(-1, 2)
     times = edges[:, :1] + part * (edges[:, 1:] - edges[:, :1])
@@ -121,7 +121,7 @@ def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[Window], sa
 
 
 def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array, Array, Array, Array]:
-    """Of each motion the normal equations of lag and pace, and the mean square of what remains, rad^2, shape (n,) each.
+    """Compute each motion's normal equations of lag and pace, and its mean squared residual, rad^2, shape (n,) each.
 
     The matrix is [[power, cross], [cross, spread]], the right side [push, twist].
     """
@@ -160,7 +160,7 @@ def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
 
 
 def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
-    """One lag for all motions of all arms, from a given one: lag, s, and rms of what remains, rad."""
+    """Fit one lag for all motions of all arms, from a given one; return it, s, and the RMS of the residuals, rad."""
     square = 0.0
     for _ in range(_ROUNDS):
         power, push = 0.0, 0.0
@@ -188,14 +188,14 @@ def _costs(motions: Motions, lag: Array) -> Array:
 
 
 def _best_around(cost_of_lags: Array, lags: Array) -> Array:
-    """The lag of the least cost in each column, the middle one of equals."""
+    """Return the lag of the least cost in each column, the middle one of equals."""
     biased = cost_of_lags + 1e-9 * np.abs(lags)[:, None]
     best: Array = lags[np.argmin(biased, axis=0)]
     return best
 
 
 def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, good_fit: Decision) -> Fits:
-    """As ``fit``; where that leaves more than ``good_fit``, rad, from the best of the lags within ``reach_s``."""
+    """Fit as ``fit`` does; restart a fit worse than ``good_fit``, rad, from the best lag within ``reach_s``."""
     first = fit(motions, around, with_pace)
     is_good = np.abs(first.lag - around) <= reach_s
     is_good[is_good] = good_fit.within(first.rms[is_good])
@@ -215,9 +215,9 @@ def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, go
 
 
 def search_common(arms: Sequence[Motions], around: float, reach_s: float, good_fit: Decision) -> float:
-    """As ``fit_common``; where much remains, from the best of the lags within ``reach_s``.
+    """Fit as ``fit_common`` does; where the residual is large, restart from the best lag within ``reach_s``.
 
-    Motions may be late one by one, so more than ``good_fit``, rad, of each may remain.
+    Motions may be late one by one, so the residual of each may exceed ``good_fit``, rad.
     """
     lag, rms = fit_common(arms, around)
     if abs(lag - around) <= reach_s and good_fit.within(np.array([rms / _LATE_ONE_BY_ONE])).all():

@@ -1,4 +1,4 @@
-"""Pairs the entries of two sequences that mean the same, in order, by key and then by nearness in time."""
+"""The pairing of like entries of two sequences, in order, by key and then by nearness in time."""
 from typing import Hashable, List, NamedTuple, Optional, Sequence
 
 import numpy as np
@@ -25,12 +25,12 @@ class Pair(NamedTuple):
 
 
 def pair(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> List[Pair]:
-    """Pairs of entries with equal keys, in order: as few as possible stay alone; of equal choices the nearest in time.
+    """Pair entries with equal keys, in order: as few as possible stay alone; of equal choices the nearest in time.
 
     Args:
-        golden: In the order of time.
-        candidate: As golden.
-        lag: What the candidate's times are later by, s.
+        golden: Entries in the order of time.
+        candidate: Entries likewise.
+        lag: Delay of the candidate's times, s.
     """
     if [entry.key for entry in golden] == [entry.key for entry in candidate]:
         return [Pair(i, i) for i in range(len(golden))]
@@ -40,7 +40,7 @@ def pair(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> Lis
 
 
 def _pair_ends(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> List[Pair]:
-    """Pairs of equal beginnings and ends; what lies between is paired exactly where it is short enough, else not."""
+    """Pair equal beginnings and ends; pair the entries between exactly where they are few enough, else not at all."""
     shorter = min(len(golden), len(candidate))
     head = 0
     while head < shorter and golden[head].key == candidate[head].key:

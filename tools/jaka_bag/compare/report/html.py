@@ -78,7 +78,7 @@ Section = Tuple[str, str, str]
 
 
 def page(title: str, body: str, more_style: str = "") -> str:
-    """A page that needs no network and no scripts, to be written as UTF-8; ``body`` is HTML, ``title`` is text."""
+    """Return a page without network and scripts, to be written as UTF-8; ``body`` is HTML, ``title`` is text."""
     return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
@@ -87,24 +87,24 @@ def page(title: str, body: str, more_style: str = "") -> str:
 
 
 def contents_of(sections: Sequence[Section]) -> str:
-    """Links to the sections, HTML."""
+    """Return links to the sections, HTML."""
     links = "".join('<li><a href="#%s">%s</a></li>' % (anchor, heading) for anchor, heading, _ in sections)
     return '<nav aria-label="Sections"><ul>%s</ul></nav>' % links
 
 
 def body_of(sections: Sequence[Section]) -> str:
-    """The sections below one another, HTML."""
+    """Return the sections below one another, HTML."""
     return "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
 
 
 def figures_of(figures: Iterable[Figure]) -> str:
-    """Pictures, each below its caption, as HTML."""
+    """Return pictures, each below its caption, as HTML."""
     return "".join("<figure><figcaption>%s</figcaption>%s</figure>" % (escape(figure.caption), figure.picture)
                    for figure in figures)
 
 
 def definitions(rows: Iterable[Tuple[str, str]]) -> str:
-    """Pairs of a word and its meaning, text, as HTML."""
+    """Return pairs of a word and its meaning, text, as HTML."""
     return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (escape(a), escape(b)) for a, b in rows)
 
 
@@ -127,7 +127,7 @@ def _table(checks: Iterable[Check]) -> str:
 
 
 def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
-    """The page, to be written as UTF-8."""
+    """Return the page about a comparison, to be written as UTF-8."""
     pictures = Pictures(comparison, tolerances)
     golden, candidate, alignment = comparison.golden, comparison.candidate, comparison.alignment
     title = "%s against %s" % (os.path.basename(candidate.path), os.path.basename(golden.path))

@@ -38,7 +38,7 @@ def _line(style: str, time: Array, value: Array) -> Line:
 
 
 def _path(style: str, points: Array, one: int, other: int) -> Line:
-    """The path in the plane of two axes, without the points where the arm stands."""
+    """Return the path in the plane of two axes, without the points where the arm stands."""
     moved = np.abs(np.diff(points, axis=0, prepend=np.inf)).max(axis=1) > mm_to_m(0.2)
     return Line(style, points[moved, one], points[moved, other])
 
@@ -51,14 +51,14 @@ class _Whole(NamedTuple):
 
 
 def _dashes(episodes: Sequence[Episode], values: Sequence[float]) -> Line:
-    """A dash at each motion's value, as long as the motion."""
+    """Return a dash at each motion's value, as long as the motion."""
     points = [point for episode, value in zip(episodes, values)
               for point in ((episode.start, value), (episode.end, value), (episode.end, np.nan))]
     return Line("difference", *np.array(points).T)
 
 
 class Pictures:
-    """Draws one comparison; all times on the golden clock, s."""
+    """The pictures of one comparison; all times on the golden clock, s."""
 
     def __init__(self, comparison: Comparison, tolerances: Tolerances) -> None:
         self._comparison = comparison
@@ -74,7 +74,7 @@ class Pictures:
         return self._comparison.alignment.golden_time(arm_of(track.topic, self._arms), track.time)
 
     def _whole(self, style: str, track: LongTrack) -> _Whole:
-        """The curves of a track on the golden clock; the track is read once."""
+        """Return the curves of a track on the golden clock; read the track only once."""
         key = style, track.topic
         if key not in self._wholes:
             curves = [MinMax(_POINTS) for _ in track.names]
@@ -89,21 +89,21 @@ class Pictures:
         return self._wholes[key]
 
     def _overview(self, title: str, unit: str, ours: LongTrack, theirs: LongTrack, column: int) -> str:
-        """One column of both runs, all of it; the candidate where it is aligned to."""
+        """Draw the whole of one column of both runs, with the candidate aligned."""
         return chart(title, _OVERLAID, [self._whole("golden", ours).lines[column],
                                         self._whole("candidate", theirs).lines[column]], self.range, unit, least=0.02)
 
     def _close_up(self, title: str, unit: str, ours: LongTrack, theirs: LongTrack, column: int,
                   x_range: Tuple[float, float], mark: Optional[float], least: float,
                   lag: Optional[float] = None) -> str:
-        """As an overview, between two times, s; the candidate where it is aligned to, or all of it at one lag, s."""
+        """Draw one column of both runs between two times, s, with the candidate aligned, or at one lag, s."""
         here, there = ours.around(*x_range), self._around(theirs, *x_range, lag)
         time = self._golden_time(there) if lag is None else there.time - lag
         lines = [_line("golden", here.time, here.value[:, column]), _line("candidate", time, there.value[:, column])]
         return chart(title, _OVERLAID, lines, x_range, unit, mark=mark, least=least)
 
     def _around(self, theirs: LongTrack, begin: float, end: float, lag: Optional[float] = None) -> Track:
-        """The candidate's samples between two golden times, s."""
+        """Return the candidate's samples between two golden times, s."""
         if lag is not None:
             return theirs.around(begin + lag, end + lag)
         arm = arm_of(theirs.topic, self._arms)
@@ -112,7 +112,7 @@ class Pictures:
 
     def _residual(self, key: ResidualKey, x_range: Optional[Tuple[float, float]] = None,
                   mark: Optional[float] = None) -> str:
-        """How far off the samples of a check are, as they were judged."""
+        """Draw the deviations of a check's samples, as they were judged."""
         residual = self._comparison.residuals.get(key)
         if residual is None:
             return ""
@@ -125,7 +125,7 @@ class Pictures:
     # --- overviews ---------------------------------------------------------------------------------------------------
 
     def joints(self) -> List[Figure]:
-        """Each joint of each topic: overlay and difference."""
+        """Draw each joint of each topic: overlay and difference."""
         figures = []
         for topic, ours in self._golden.joints.items():
             theirs = self._candidate.joints.get(topic)
@@ -138,7 +138,7 @@ class Pictures:
         return figures
 
     def paths(self) -> List[Figure]:
-        """The path of each tool centre point in three planes, its coordinates, and how far apart the runs are."""
+        """Draw the path of each tool centre point in three planes, its coordinates, and the distance of the runs."""
         figures = []
         worst = {check.topic: check.at for check in self._comparison.worst_first
                  if check.aspect is Aspect.POSITION and check.at is not None}
@@ -164,7 +164,7 @@ class Pictures:
         return figures
 
     def timing(self) -> List[Figure]:
-        """Lateness and pace of each motion, and the time warp."""
+        """Draw lateness and pace of each motion, and the time warp."""
         figures = []
         limits = self._tolerances.timing
         for arm, episodes in self._comparison.alignment.episodes.items():
@@ -193,7 +193,7 @@ class Pictures:
         return figures
 
     def time_lines(self, x_range: Optional[Tuple[float, float]] = None, mark: Optional[float] = None) -> List[Figure]:
-        """States and calls of both runs."""
+        """Draw states and calls of both runs."""
         rows: List[Row] = []
         for topic, ours in self._golden.states.items():
             theirs = self._candidate.states.get(topic)
@@ -220,7 +220,7 @@ class Pictures:
             rows, x_range or self.range, mark))]
 
     def _value_at(self, theirs: LongTrack, at: float) -> Array:
-        """The candidate at a golden time, s."""
+        """Return the candidate's values at a golden time, s."""
         near = self._around(theirs, at, at)
         value: Array = interpolated(self._golden_time(near), near.value, np.array([at]))[0]
         return value
@@ -228,7 +228,7 @@ class Pictures:
     # --- one check ---------------------------------------------------------------------------------------------------
 
     def moment(self, check: Check) -> List[Figure]:
-        """What happened around the worst moment of a check; nothing where it has none."""
+        """Draw what happened around the worst moment of a check; nothing where it has none."""
         if check.at is None:
             return []
         span = (check.at - 1.0, check.at + 1.0)
@@ -266,7 +266,7 @@ class Pictures:
                        self._close_up(_AXES[axis], "m", ours, theirs, axis, span, at, 0.002))]
 
     def _motion_moment(self, check: Check) -> List[Figure]:
-        """The joint that moves most."""
+        """Draw the joint that moves most."""
         episodes = self._comparison.alignment.episodes.get(check.topic, ())
         episode = next((episode for episode in episodes if episode.start == check.at), None)
         topic = next((topic for topic in self._golden.joints

@@ -100,20 +100,20 @@ class _Picture:
         self.y_scale = (self._bottom - self._top) / (y_range[1] - y_range[0])
 
     def x(self, value: Any) -> Any:
-        """Horizontal place of a value or an array, px."""
+        """Return the horizontal place of a value or an array, px."""
         return self._left + (value - self.x_range[0]) * self._x_scale
 
     def y(self, value: Any) -> Any:
-        """Vertical place of a value or an array, px."""
+        """Return the vertical place of a value or an array, px."""
         return self._bottom - (value - self._y_range[0]) * self.y_scale
 
     def text(self, style: str, x: float, y: float, words: str, anchor: str = "start") -> None:
-        """Words, begun, centred or ended at a place."""
+        """Draw text that begins, is centred or ends at a place."""
         self.parts.append('<text class="%s" x="%.1f" y="%.1f" text-anchor="%s">%s</text>'
                           % (style, x, y, anchor, html.escape(words)))
 
     def grid(self, along_x: int, along_y: int = 0) -> None:
-        """Lines with their values, about so many along each axis."""
+        """Draw lines with their values, about ``along_x`` and ``along_y`` along the axes."""
         for value in ticks(*self.x_range, along_x):
             self.parts.append('<path class="grid" d="M%.1f %.1fV%.1f"/>' % (self.x(value), self._top, self._bottom))
             self.text("tick", self.x(value), self._bottom + 15, _number(value), "middle")
@@ -122,12 +122,12 @@ class _Picture:
             self.text("tick", self._left - 6, self.y(value) + 4, _number(value), "end")
 
     def mark(self, at: Optional[float]) -> None:
-        """A line at a moment; None, or one outside: nothing."""
+        """Draw a line at a moment; nothing for None or a moment outside."""
         if at is not None and self.x_range[0] <= at <= self.x_range[1]:
             self.parts.append('<path class="mark" d="M%.1f %.1fV%.1f"/>' % (self.x(at), self._top, self._bottom))
 
     def done(self) -> str:
-        """The whole picture."""
+        """Return the whole picture."""
         return "".join(self.parts) + "</svg>"
 
 
@@ -138,19 +138,19 @@ def _number(value: float) -> str:
 def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[float, float], unit: str,
           height: float = 150, mark: Optional[float] = None, band: Optional[Tuple[float, float]] = None,
           least: float = 0.0, x_unit: str = "s") -> str:
-    """Curves over time, or over what ``x_unit`` counts.
+    """Draw curves over time, or over the quantity with the unit ``x_unit``.
 
     Args:
         title: See ``_Picture``.
         description: See there.
         lines: The curves; later ones lie above.
         x_range: From, to, in ``x_unit``.
-        unit: Of the vertical axis.
-        height: px.
-        mark: What is to be marked, in ``x_unit``.
+        unit: Unit of the vertical axis.
+        height: Height, px.
+        mark: Place of a mark, in ``x_unit``.
         band: Values that are allowed, from and to: drawn as a stripe.
         least: The vertical axis spans at least this.
-        x_unit: Of the horizontal axis.
+        x_unit: Unit of the horizontal axis.
     """
     low, high = x_range
     bottom, right = height - _BOTTOM, WIDTH - _RIGHT
@@ -176,7 +176,7 @@ def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[fl
 
 def plane(title: str, description: str, lines: Sequence[Line], labels: Tuple[str, str],
           mark: Optional[Tuple[float, float]] = None, size: float = 300) -> str:
-    """Curves in a plane, both axes to the same scale."""
+    """Draw curves in a plane, both axes to the same scale."""
     ranges = [_limits([line.x for line in lines], 1e-3), _limits([line.y for line in lines], 1e-3)]
     area = (58.0, size - 10.0, 10.0, size - 34.0)
     pixels = (area[1] - area[0], area[3] - area[2])
@@ -197,7 +197,7 @@ def plane(title: str, description: str, lines: Sequence[Line], labels: Tuple[str
 
 def time_line(title: str, description: str, rows: Sequence[Row], x_range: Tuple[float, float],
               mark: Optional[float] = None) -> str:
-    """Bars in rows over time."""
+    """Draw bars in rows over time."""
     low, high = x_range
     left, bottom = 190, _TOP + _BAR * len(rows)
     picture = _Picture(title, description, (WIDTH, bottom + _BOTTOM), (left, WIDTH - _RIGHT, _TOP, bottom), x_range)

@@ -8,7 +8,7 @@ FORMAT_VERSION = 1
 
 
 def check_line(check: Check) -> str:
-    """One check in one line; of a difference also its amount and both values."""
+    """Return one check as a line, for a difference with its amount and both values."""
     line = "%-13s %s: %s" % (check.outcome.value.upper(), check.name, check.detail)
     if check.outcome is not Outcome.DIFFERENT:
         return line
@@ -20,7 +20,7 @@ def check_line(check: Check) -> str:
 
 
 def headline(comparison: Comparison) -> str:
-    """The verdict in one line."""
+    """Return the verdict in one line."""
     different = comparison.differences
     compared = [check for check in comparison.checks if check.outcome is not Outcome.NOT_COMPARED]
     if not different:
@@ -30,7 +30,7 @@ def headline(comparison: Comparison) -> str:
 
 
 def as_text(comparison: Comparison, verbose: bool = False) -> str:
-    """The verdict, the differences with the worst first, and the first divergence; ``verbose``: every check."""
+    """Return the verdict, the differences with the worst first, and the first divergence; ``verbose``: every check."""
     lines = ["golden:    %s" % comparison.golden.path, "candidate: %s" % comparison.candidate.path]
     if comparison.time_scale != 1.0:
         lines.append("the candidate ran %g times faster" % comparison.time_scale)
@@ -46,19 +46,19 @@ def as_text(comparison: Comparison, verbose: bool = False) -> str:
 
 
 def _finite(value: Optional[float]) -> Any:
-    """JSON has no infinity and no NaN: they become text."""
+    """Convert infinity and NaN, which JSON does not have, to text."""
     return value if value is None or math.isfinite(value) else str(value)
 
 
 def check_data(check: Check) -> Dict[str, Any]:
-    """One check as plain data."""
+    """Return one check as plain data."""
     return {"check": check.aspect.value, "topic": check.topic, "field": check.field, "outcome": check.outcome.value,
             "detail": check.detail, "measured": _finite(check.measured), "limit": _finite(check.limit),
             "unit": check.unit, "at_s": _finite(check.at), "golden": check.golden, "candidate": check.candidate}
 
 
 def as_data(comparison: Comparison) -> Dict[str, Any]:
-    """The whole result as plain data, for JSON."""
+    """Return the whole result as plain data, for JSON."""
     alignment = comparison.alignment
     first = comparison.first_divergence
     episodes: List[Dict[str, Any]] = [

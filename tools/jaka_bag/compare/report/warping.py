@@ -9,16 +9,16 @@ from ..runs.run import LongTrack
 _SAMPLES = 500
 _BAND = 40
 _STRAY = 0.002
-"""What each step off the straight way costs, in the unit of the values, so that noise at rest draws no curve."""
+"""Cost of each step off the straight way, in the unit of the values, so that noise at rest draws no curve."""
 
 
 def warping(golden: LongTrack, candidate: LongTrack, lag: float) -> Optional[Tuple[Array, Array]]:
-    """Golden times and how much later, s, the candidate is at the same place, by warping; None where too short.
+    """Return golden times and how much later, s, the candidate is at the same place, by warping; None where too short.
 
     Args:
-        golden: Of as many columns as the candidate.
+        golden: The golden track, with as many columns as the candidate.
         candidate: The same joints.
-        lag: How much later the candidate is as a whole, s.
+        lag: Delay of the candidate as a whole, s.
     """
     ours, theirs = golden.facts, candidate.facts
     if min(ours.finite_count, theirs.finite_count) < 3:

@@ -1,8 +1,8 @@
-"""Reads a log into a ``Run``: the topics of the driver's interface by type, of all others the times.
+"""The loader of a log into a ``Run``: topics of the driver's interface by type, of all others only the times.
 
-A log is read once from begin to end. What is found out on the way (which topics are stamped, how many values an array
-usually has, how close samples lie) is needed from the first message on: it is taken from the first part of the log,
-and the log is read again where the rest of it says otherwise. Rows are given in windows later on.
+A log is read once from begin to end. Facts found on the way (which topics are stamped, how many values an array usually
+has, how close samples lie) are needed from the first message on: they are taken from the first part of the log, and the
+log is read again where the rest of it differs. Rows are given in windows later on.
 """
 import weakref
 from typing import Callable, Container, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
@@ -39,7 +39,8 @@ def _stamps(columns: Columns) -> Optional[Array]:
 
 
 def _matrix(column: Array, width: Optional[int]) -> Tuple[Array, Optional[Array], Dict[int, int]]:
-    """An array field as (n, width), the rows that have this length (None: all), and how many rows have which length.
+    """Return an array field as (n, width), the rows that have this length (None: all), and the number of rows by
+    length.
 
     Where ``width`` is None, it is the length that most rows have.
     """
@@ -66,7 +67,7 @@ def _text(value: bytes) -> str:
 
 
 def _texts(column: Array) -> Tuple[str, ...]:
-    """The different ones, sorted."""
+    """Return the different texts of a column, sorted."""
     if len(column) and (column == column[0]).all():
         return (_text(column[0]),)
     return tuple(sorted({_text(value) for value in np.unique(column)}))
@@ -77,9 +78,9 @@ def _raw(value: Array) -> bytes:
 
 
 class _Assumed(NamedTuple):
-    """What the reading of a log takes for granted: by topic, by track; what is not named is taken from the first part.
+    """The assumptions for the reading of a log, by topic or track; one that is missing is taken from the first part.
 
-    ``lengths`` is of arrays, ``reach`` how many samples to either side speeds are taken over.
+    ``lengths`` is of arrays, ``reach`` the number of samples to either side over which speeds are taken.
     """
 
     is_stamped: Dict[str, bool]
@@ -88,7 +89,7 @@ class _Assumed(NamedTuple):
 
 
 class _Scan:
-    """What one reading of a log from begin to end finds."""
+    """The findings of one reading of a log from begin to end."""
 
     def __init__(self) -> None:
         self.counts: Dict[str, int] = {}
@@ -142,7 +143,7 @@ class _Loader:
         return topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kind(topic) is not None
 
     def _kind(self, topic: str) -> Optional[str]:
-        """The type of a topic of which it is known what it is for."""
+        """Return the type of a topic whose purpose is known; None for others."""
         if len(self._types[topic]) > 1:
             return None
         datatype = next(iter(self._types[topic]))[0]
@@ -158,14 +159,14 @@ class _Loader:
             self._fields[topic] = {*_HEADER_FIELDS, "header.frame_id", *some, *self._tolerances.fields.get(topic, ())}
 
     def _seconds(self, time_ns: Array) -> Array:
-        """Times since the log's first message, s, as if it had run at speed 1."""
+        """Return times since the log's first message, s, as if it had run at speed 1."""
         seconds: Array = (np.asarray(time_ns, np.int64) - self._start_ns) * (self._time_scale / NS_PER_S)
         return seconds
 
     # --- parts -------------------------------------------------------------------------------------------------------
 
     def _decode(self, number: int) -> Dict[str, Rows]:
-        """The rows of a part of the log, by topic."""
+        """Return the rows of a part of the log, by topic."""
         found: Dict[str, List[Part]] = {}
         times: Dict[str, List[Array]] = {}
         for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
@@ -196,7 +197,7 @@ class _Loader:
         return decoded, {topic: np.concatenate(some) for topic, some in timed.items()}
 
     def _rows(self, topic: str, columns: Columns) -> Rows:
-        """The rows of one topic out of a part; tells the scan what it saw."""
+        """Return the rows of one topic out of a part; add their facts to the scan."""
         fields, scan = columns.fields, self._scan
         stamps = _stamps(columns)
         if scan is not None:
@@ -298,7 +299,7 @@ class _Loader:
 
     @property
     def needs_file(self) -> bool:
-        """Whether windows will be read from the file."""
+        """The need to read windows from the file."""
         return not self._windows.is_all_kept
 
     def _arrivals_of(self, topic: str) -> Callable[[float, float], Arrivals]:
@@ -340,7 +341,7 @@ class _Loader:
         return scan.facts[key]
 
     def _is_as_assumed(self, scan: _Scan) -> bool:
-        """Whether the log is what was assumed of it; corrects what was assumed."""
+        """Return whether the log is as assumed; correct the assumptions."""
         is_right = True
         for topic in scan.has_stamps:
             is_stamped = topic in scan.stamped

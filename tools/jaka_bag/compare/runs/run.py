@@ -10,7 +10,7 @@ import numpy as np
 from ...messages.batch import Array
 
 Window = Tuple[float, float]
-"""From a time, s, up to but without another."""
+"""Time span from a time, s, up to but without another."""
 
 
 class Arrivals(NamedTuple):
@@ -27,12 +27,12 @@ class Arrivals(NamedTuple):
     sequence: Optional[Array] = None
 
     def some(self, which: Union[Array, slice]) -> "Arrivals":
-        """Those that ``which``, indices or a slice, picks; a column that they lack stays lacking."""
+        """Return the messages that ``which``, indices or a slice, picks; a missing column stays missing."""
         return Arrivals(self.log_time[which], *[None if column is None else column[which] for column in self[1:]])
 
 
 def joined(parts: Sequence[Arrivals]) -> Arrivals:
-    """One behind the other; at least one."""
+    """Return messages of at least one part, one part after the other."""
     if len(parts) == 1:
         return parts[0]
     stamps = [part.stamp for part in parts if part.stamp is not None]
@@ -43,7 +43,7 @@ def joined(parts: Sequence[Arrivals]) -> Arrivals:
 
 @dataclass(frozen=True)
 class Stream:
-    """What every topic has, whatever it carries.
+    """The facts that every topic has, whatever it carries.
 
     Attributes:
         topic: Name.
@@ -82,24 +82,24 @@ class Track:
     frames: Tuple[str, ...] = ()
 
     def finite(self) -> "Track":
-        """The samples of which all values are numbers."""
+        """Return the samples of which all values are numbers."""
         good = np.isfinite(self.value).all(axis=1)
         return self if good.all() else replace(self, time=self.time[good], value=self.value[good])
 
 
 @dataclass(frozen=True)
 class TrackFacts:
-    """What is known of a track without reading it again; times in s.
+    """The facts of a track that are known without reading it again; times in s.
 
     Attributes:
         count: Samples.
         first: Time of the first sample of which all values are numbers; infinite where there is none.
-        last: Of the last such sample.
+        last: Time of the last such sample.
         finite_count: Samples of which all values are numbers.
         step: Median of the steps above 0.1 ms between such samples; 0 where there are none.
         rhythm: Median of all steps between such samples; 0 where there are none.
-        reach: So many samples to either side make 24 ms: speeds are taken over them.
-        motions: (start, end) of what moves, from rest to rest; see ``spans.SpanFinder``.
+        reach: Number of samples to either side that make 24 ms: speeds are taken over them.
+        motions: (start, end) of each motion, from rest to rest; see ``spans.SpanFinder``.
     """
 
     count: int
@@ -133,12 +133,12 @@ class LongTrack:
     frames: Tuple[str, ...] = ()
 
     def blocks(self) -> Iterator[Track]:
-        """All samples, window by window."""
+        """Yield all samples, window by window."""
         for begin, end in self.windows:
             yield self.between(begin, end)
 
     def around(self, begin: float, end: float, rows: int = 1) -> Track:
-        """The samples that are numbers from ``begin`` to ``end``, and ``rows`` more at either side if there are."""
+        """Return finite samples from ``begin`` to ``end``, and ``rows`` more at either side if there are."""
         low = high = 4.0 * rows * max(self.facts.step, 1e-3)
         while True:
             part = self.between(begin - low, end + high).finite()
@@ -151,7 +151,7 @@ class LongTrack:
             low, high = (4.0 * low if lacks_before else low), (4.0 * high if lacks_behind else high)
 
     def at(self, times: Array) -> Array:
-        """Values at some ascending times, s, interpolated and held at the ends, shape (len(times), columns)."""
+        """Return values at ascending times, s, interpolated and held at the ends, shape (len(times), columns)."""
         result = np.empty((len(times), len(self.names)))
         done = 0
         last: Optional[Track] = None
@@ -204,7 +204,7 @@ class Call(NamedTuple):
 
     @property
     def end(self) -> float:
-        """When it was answered, s."""
+        """The time of the answer, s."""
         return self.start + self.duration
 
     @property
@@ -256,6 +256,6 @@ class Run:
 
 
 def arm_of(topic: str, arms: List[str]) -> str:
-    """The arm that a topic or service belongs to: the longest namespace it lies in; else the first."""
+    """Return the arm that a topic or service belongs to: the longest namespace it lies in; else the first."""
     inside = [arm for arm in arms if topic.startswith(arm + "/")]
     return max(inside, key=len) if inside else arms[0] if arms else ""

@@ -1,4 +1,4 @@
-"""What is learnt from a track's samples as they pass once, in the order of time: steps, motions, changes of state."""
+"""The facts found in a track's samples in one pass, in the order of time: steps, motions, changes of state."""
 from typing import List, Optional, Tuple
 
 import numpy as np
@@ -17,7 +17,7 @@ _LEAST_STEP_S = 1e-4
 
 
 def reach_of(step: float) -> int:
-    """How many samples to either side speeds are taken over, for samples ``step`` s apart (0: unknown)."""
+    """Return how many samples to either side speeds are taken over, for samples ``step`` s apart (0: unknown)."""
     return max(1, int(round(_SPEED_S / step))) if step > 0 else 1
 
 
@@ -39,7 +39,7 @@ class SpanFinder:
         self._is_moving = False
 
     def add(self, time: Array, value: Array) -> None:
-        """Further samples, all of them numbers; s, shape (n,); rad, shape (n, joints)."""
+        """Add further samples, all of them numbers; s, shape (n,); rad, shape (n, joints)."""
         if len(self._time):
             time, value = np.concatenate([self._time, time]), np.concatenate([self._value, value])
         both = 2 * self._reach
@@ -76,17 +76,17 @@ class SpanFinder:
         self._start = None
 
     def motions(self) -> Tuple[Window, ...]:
-        """(start, end) of each, s; call it once, after the last sample."""
+        """Return (start, end) of each motion, s; call it once, after the last sample."""
         self._close()
         return tuple(self._found)
 
 
 class FactsBuilder:
-    """Collects the facts of a track.
+    """A collector of a track's facts.
 
     Args:
         is_arm: The columns are joints: motions are looked for.
-        reach: For the motions; None to take it from the first samples.
+        reach: Samples to either side for speeds of motions; None to take it from the first samples.
     """
 
     def __init__(self, is_arm: bool, reach: Optional[int] = None) -> None:
@@ -98,7 +98,7 @@ class FactsBuilder:
         self._first, self._last = np.inf, -np.inf
 
     def add(self, time: Array, value: Array) -> None:
-        """Further samples, s, shape (n,), ascending, and their values, shape (n, columns)."""
+        """Add further samples, s, shape (n,), ascending, and their values, shape (n, columns)."""
         self._count += len(time)
         good = np.isfinite(value).all(axis=1)
         if not good.all():
@@ -119,7 +119,7 @@ class FactsBuilder:
         self._spans.add(time, value)
 
     def facts(self) -> TrackFacts:
-        """All of it; call it once, after the last sample."""
+        """Return all facts; call it once, after the last sample."""
         step = self._steps.median() if self._steps.count else 0.0
         motions = self._spans.motions() if self._spans is not None and self._finite_count >= 3 else ()
         return TrackFacts(self._count, self._first, self._last, self._finite_count, step,
@@ -127,7 +127,7 @@ class FactsBuilder:
 
 
 class StateChanges:
-    """Keeps the samples at which a state changes, the first and the last."""
+    """A collector of the samples at which a state changes, with the first and the last."""
 
     def __init__(self) -> None:
         self._times: List[Array] = []
@@ -135,7 +135,7 @@ class StateChanges:
         self._last: Optional[Tuple[Array, Array]] = None
 
     def add(self, time: Array, value: Array) -> None:
-        """Further samples, s, shape (n,), ascending, and their values, shape (n, states)."""
+        """Add further samples, s, shape (n,), ascending, and their values, shape (n, states)."""
         if not len(time):
             return
         before = value[:1] - 1 if self._last is None else self._last[1]
@@ -145,6 +145,6 @@ class StateChanges:
         self._last = (time[-1:].copy(), value[-1:].copy())
 
     def samples(self) -> Tuple[Array, Array]:
-        """Times, s, and values of those kept; there must have been one."""
+        """Return times, s, and values of the samples kept, at least one."""
         assert self._last is not None
         return np.concatenate([*self._times, self._last[0]]), np.concatenate([*self._values, self._last[1]])

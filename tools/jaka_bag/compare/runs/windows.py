@@ -15,7 +15,7 @@ from ...messages.batch import Array
 from .run import Arrivals, Track, Window, joined
 
 _CELL_S = 16.0
-"""Which parts of a log hold samples of a time is known to so many seconds."""
+"""Time step, s, of the record of which parts of a log hold samples."""
 _WINDOW_ROWS = 120000
 _KEPT_BYTES = 64 << 20
 _TRIM_EVERY = 16
@@ -75,7 +75,7 @@ class _Store:
             self._is_usable = False
 
     def get(self, number: int) -> Optional[Dict[str, Rows]]:
-        """The part; None where it is not there."""
+        """Return a part; None where it is not stored."""
         if self._file is None or number not in self._places:
             return None
         self._file.seek(self._places[number])
@@ -92,10 +92,10 @@ class _Store:
 
 
 class LogWindows:
-    """Gives the samples of any window of time.
+    """The samples of a log by windows of time.
 
     Args:
-        decode: The rows of a part by topic; called with its number.
+        decode: Returns the rows of a part by topic; called with its number.
         spans: Earliest and latest log time of each part, s.
         kept_bytes: Rows up to this size are kept for the next window.
     """
@@ -115,7 +115,7 @@ class LogWindows:
 
     @property
     def part_count(self) -> int:
-        """How many parts the log has."""
+        """The number of the log's parts."""
         return len(self._spans)
 
     def forget(self) -> None:
@@ -128,7 +128,7 @@ class LogWindows:
         self.is_all_kept = True
 
     def part(self, number: int) -> Dict[str, Rows]:
-        """The rows of one part, by topic."""
+        """Return the rows of one part, by topic."""
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
@@ -156,7 +156,7 @@ class LogWindows:
                 self._counts[cell] = self._counts.get(cell, 0) + count
 
     def windows(self) -> Tuple[Window, ...]:
-        """Windows that hold everything, each a bounded number of messages; the first and the last have no end."""
+        """Return windows that cover all time, each of a bounded number of messages; the outer ones are open."""
         edges = [-np.inf]
         rows = 0
         for cell in sorted(self._counts):
@@ -173,7 +173,7 @@ class LogWindows:
                 yield rows
 
     def arrivals(self, topic: str, begin: float, end: float) -> Arrivals:
-        """The messages of a topic recorded in a window, in the order of recording."""
+        """Return the messages of a topic recorded in a window, in the order of recording."""
         first, last = self._spans[:, 0], self._spans[:, 1]
         numbers = np.flatnonzero((first < end) & (last >= begin)).tolist()
         found: List[Arrivals] = []
@@ -187,7 +187,7 @@ class LogWindows:
         return whole
 
     def samples(self, key: TrackKey, begin: float, end: float) -> Tuple[Array, Array]:
-        """Times, s, ascending, and values of a track in a window; see ``without_repeats``."""
+        """Return times, s, ascending, and values of a track in a window; see ``without_repeats``."""
         topic, field = key
         cells = self._cells.get(topic, {})
         low, high = np.floor(begin / _CELL_S), np.floor(end / _CELL_S)
@@ -216,7 +216,7 @@ class LogWindows:
         return time_all, value_all
 
     def reader(self, key: TrackKey, names: Tuple[str, ...], frames: Tuple[str, ...]) -> Callable[[float, float], Track]:
-        """What reads a window of a track."""
+        """Return a function that reads a window of a track."""
         def between(begin: float, end: float) -> Track:
             time, value = self.samples(key, begin, end)
             return Track(key[0], names, time, value if len(time) else value.reshape(0, len(names)), frames)
@@ -224,7 +224,7 @@ class LogWindows:
 
 
 def samples_of(rows: Rows, field: str) -> Tuple[Array, Array]:
-    """Times, s, ascending, and values of one track of some rows; what is no sample is left out."""
+    """Return times, s, ascending, and values of one track of some rows; without rows that hold no sample."""
     value, which = rows.values[field]
     time = rows.time
     if which is not None:
@@ -233,7 +233,7 @@ def samples_of(rows: Rows, field: str) -> Tuple[Array, Array]:
 
 
 def without_repeats(time: Array, value: Array) -> Tuple[Array, Array]:
-    """Rows by time; one that repeats both stamp and value of the one before is the same sample again."""
+    """Return rows by time, without those that repeat both stamp and value of the one before: the same sample again."""
     if len(time) < 2:
         return time, value
     if (time[1:] < time[:-1]).any():

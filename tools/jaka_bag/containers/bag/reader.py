@@ -1,6 +1,6 @@
-"""Reads the chunks of an indexed .bag: many records at once where they are regular, else one by one and exact.
+"""The reader of an indexed .bag: many records at once where they are regular, else one by one and exact.
 
-What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import functools
 import struct
@@ -21,12 +21,12 @@ from . import records as fmt
 _HEAD = 46
 """Bytes in front of a payload: header length, 38 bytes of header, data length."""
 ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
-"""What an index record says of each message."""
+"""An index record's entry for one message."""
 _U32 = struct.Struct("<I")
 
 
 def _bag_layout(head: bytes) -> Optional[Tuple[int, int]]:
-    """Where connection and time stand in a regular message record's first bytes; None where it is irregular."""
+    """Return the positions of connection and time in a message record's first bytes; None for an irregular record."""
     if len(head) < _HEAD or _U32.unpack_from(head)[0] != _HEAD - 8:
         return None
     places = {}
@@ -44,7 +44,7 @@ def _bag_layout(head: bytes) -> Optional[Tuple[int, int]]:
 
 
 def _regular_bag(data: Array, offset: Array) -> Optional[MessageBatch]:
-    """The messages at the index's offsets, where all have the same layout of header; None else."""
+    """Return the messages at the index's offsets; None where their headers differ in layout."""
     if not len(offset) or int(offset[-1]) + _HEAD > len(data):
         return None
     taken = windows(data, _HEAD)[offset]
@@ -61,7 +61,7 @@ def _regular_bag(data: Array, offset: Array) -> Optional[MessageBatch]:
 
 @functools.lru_cache(maxsize=8)
 def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
-    """A record's head as fields: four that vary, and all other bytes in words, which must be those of every record."""
+    """Return a record head's type: four fields that vary, and all other bytes in words, equal in every record."""
     places = [("connection", "<u4", connection_at), ("seconds", "<u4", time_at), ("nanoseconds", "<u4", time_at + 4),
               ("length", "<u4", _HEAD - 4)]
     varying = sorted((at, at + 4) for _, _, at in places)
@@ -76,7 +76,7 @@ def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
 
 
 def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
-    """The records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
+    """Read the records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
     rows = Rows(has_publish=False)
     connections: Dict[int, Connection] = {}
     at = begin
@@ -98,12 +98,12 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
-    """The records of a bag chunk; see ``contract.parse_chunk``."""
+    """Return the records of a bag chunk; see ``contract.parse_chunk``."""
     return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(connection id, entries) of the index records that follow a chunk."""
+    """Return (connection id, entries) of each index record that follows a chunk."""
     result = []
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:
@@ -115,7 +115,7 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
 
 
 def offsets_in(entries: List[Tuple[int, Array]]) -> Array:
-    """Where messages start by the index entries of a chunk, ascending, int64."""
+    """Return the positions of messages from a chunk's index entries, ascending, int64."""
     return np.sort(np.concatenate([entry["offset"] for _, entry in entries] or [np.zeros(0)]).astype(np.int64))
 
 

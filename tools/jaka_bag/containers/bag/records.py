@@ -54,23 +54,23 @@ class ChunkInfo(NamedTuple):
 
 
 def pack_header(fields: Iterable[Tuple[str, bytes]]) -> bytes:
-    """Header fields as the format stores them, without the length in front of all."""
+    """Encode header fields, without the length of the whole header."""
     return b"".join(_U32.pack(len(name) + 1 + len(value)) + _encode(name) + b"=" + value for name, value in fields)
 
 
 def pack_record(fields: Iterable[Tuple[str, bytes]], data: bytes) -> bytes:
-    """One whole record."""
+    """Encode one whole record."""
     header = pack_header(fields)
     return _U32.pack(len(header)) + header + _U32.pack(len(data)) + data
 
 
 def pack_time(time_ns: int) -> bytes:
-    """Nanoseconds to the format's seconds and nanoseconds."""
+    """Encode a time, ns, as the format's seconds and nanoseconds."""
     return _TIME.pack(*divmod(time_ns, NS_PER_S))
 
 
 def parse_header(raw: Buffer) -> Header:
-    """Header fields by name."""
+    """Parse header fields into a dictionary by name."""
     fields: Header = {}
     data = bytes(raw)
     at = 0
@@ -95,25 +95,25 @@ def _field(fields: Header, name: str, form: struct.Struct) -> Tuple[int, ...]:
 
 
 def u32(fields: Header, name: str) -> int:
-    """A 32-bit field."""
+    """Return a 32-bit field."""
     return _field(fields, name, _U32)[0]
 
 
 def u64(fields: Header, name: str) -> int:
-    """A 64-bit field."""
+    """Return a 64-bit field."""
     return _field(fields, name, _U64)[0]
 
 
 def time_ns(fields: Header, name: str) -> int:
-    """A time field, ns."""
+    """Return a time field, ns."""
     seconds, nanoseconds = _field(fields, name, _TIME)
     return seconds * NS_PER_S + nanoseconds
 
 
 def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[Record]:
-    """The record at a position of a buffer; None where its header does not end before ``stop`` (None: the end).
+    """Return the record at a position of a buffer; None where its header does not end before ``stop`` (None: the end).
 
-    Its data may be cut off: ``end`` then lies behind ``stop``.
+    Its data may be cut off: ``end`` is then greater than ``stop``.
     """
     stop = len(raw) if stop is None else stop
     if at + 8 > stop:
@@ -130,7 +130,7 @@ def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[
 
 
 def try_record_at(raw: Buffer, at: int = 0) -> Optional[Record]:
-    """As ``record_at``; None also where there is no record."""
+    """Return the record at a position as ``record_at`` does; None also where there is no valid record."""
     try:
         return record_at(raw, at)
     except BagFormatError:
@@ -138,7 +138,7 @@ def try_record_at(raw: Buffer, at: int = 0) -> Optional[Record]:
 
 
 def whole_records(raw: bytes, begin: int = 0, problem: str = DAMAGED) -> Iterator[Record]:
-    """The records from a position to the end of a buffer."""
+    """Return the records from a position to the end of a buffer."""
     while begin < len(raw):
         record = record_at(raw, begin)
         if record is None or record.end > len(raw):
@@ -148,14 +148,14 @@ def whole_records(raw: bytes, begin: int = 0, problem: str = DAMAGED) -> Iterato
 
 
 def file_header(index_position: int, connections: int, chunks: int) -> bytes:
-    """The first record, padded to its fixed size."""
+    """Encode the first record, padded to its fixed size."""
     fields = [("chunk_count", _U32.pack(chunks)), ("conn_count", _U32.pack(connections)),
               ("index_pos", _U64.pack(index_position)), ("op", bytes([OP_FILE_HEADER]))]
     return pack_record(fields, b" " * (FILE_HEADER_SIZE - len(pack_header(fields))))
 
 
 def connection_record(number: int, connection: Connection) -> bytes:
-    """One connection as record, its connection header inside."""
+    """Encode one connection as a record, with its connection header inside."""
     fields = {"topic": connection.topic, **dict(connection.extra), "type": connection.datatype,
               "md5sum": connection.md5sum, "message_definition": connection.definition}
     if connection.callerid is not None:
@@ -172,7 +172,7 @@ def _encode(value: str) -> bytes:
 
 
 def parse_connection(record: Record, raw: Buffer) -> Tuple[int, Connection]:
-    """Id and connection of a connection record of a buffer."""
+    """Parse a connection record of a buffer into its id and connection."""
     number = u32(record.fields, "conn")
     raw_topic = record.fields.get("topic")
     if raw_topic is None:
@@ -191,13 +191,13 @@ def parse_connection(record: Record, raw: Buffer) -> Tuple[int, Connection]:
 
 
 def index_record(number: int, count: int, entries: bytes) -> bytes:
-    """The index of one connection's messages in the chunk before: ``count`` x (s, ns, offset)."""
+    """Encode the index of one connection's messages in the chunk before: ``count`` x (s, ns, offset)."""
     return pack_record([("conn", _U32.pack(number)), ("count", _U32.pack(count)), ("op", bytes([OP_INDEX])),
                         ("ver", _U32.pack(1))], entries)
 
 
 def chunk_info_record(info: ChunkInfo) -> bytes:
-    """The index section's entry of one chunk."""
+    """Encode the index section's entry of one chunk."""
     data = b"".join(_TIME.pack(number, count) for number, count in info.counts.items())
     return pack_record([("chunk_pos", _U64.pack(info.position)), ("count", _U32.pack(len(info.counts))),
                         ("end_time", pack_time(info.end_time)), ("op", bytes([OP_CHUNK_INFO])),
@@ -205,7 +205,7 @@ def chunk_info_record(info: ChunkInfo) -> bytes:
 
 
 def parse_chunk_info(record: Record, raw: Buffer) -> ChunkInfo:
-    """A chunk info record of a buffer."""
+    """Parse a chunk info record of a buffer."""
     if (record.end - record.begin) % _TIME.size:
         raise BagFormatError("the index is damaged")
     return ChunkInfo(u64(record.fields, "chunk_pos"), time_ns(record.fields, "start_time"),
@@ -213,14 +213,14 @@ def parse_chunk_info(record: Record, raw: Buffer) -> ChunkInfo:
 
 
 def chunk_head(codec: str, uncompressed_size: int, stored: int) -> bytes:
-    """A chunk record up to its ``stored`` bytes of compressed records."""
+    """Encode a chunk record up to its ``stored`` bytes of compressed records."""
     header = pack_header([("compression", codec.encode()), ("op", bytes([OP_CHUNK])),
                           ("size", _U32.pack(uncompressed_size))])
     return _U32.pack(len(header)) + header + _U32.pack(stored)
 
 
 def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record."""
+    """Parse the head of a chunk record."""
     record = record_at(raw)
     if record is None:
         raise BagFormatError("a chunk record is cut off or damaged")
@@ -231,7 +231,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
 
 
 def read_file_header(descriptor: int) -> Tuple[Header, int]:
-    """Fields of the first record, and the position behind it."""
+    """Read the first record; return its fields and its end."""
     record = record_at(read_at(descriptor, len(MAGIC), 4 + FILE_HEADER_SIZE + 4))
     if record is None:
         raise BagFormatError("the first record is cut off or damaged")
@@ -244,7 +244,7 @@ def read_file_header(descriptor: int) -> Tuple[Header, int]:
 
 
 def record_end(record: Record) -> int:
-    """Where a record ends; that of an index by its entries, for its length may claim more than there are."""
+    """Return a record's end; for an index computed from its entries, as its length may claim more than there are."""
     count = record.fields.get("count", b"")
     if record.kind == OP_INDEX and len(count) == 4:
         return record.begin + INDEX_ENTRY_SIZE * int.from_bytes(count, "little")
@@ -256,7 +256,7 @@ def _unnamed(at: int) -> BagFormatError:
 
 
 def _no_records(descriptor: int, begin: int, end: int) -> str:
-    """A note of bytes that are no records."""
+    """Return a note about bytes that are no records."""
     is_zero, at = True, begin
     while at < end:
         raw = read_at(descriptor, at, min(_WINDOW, end - at))
@@ -272,7 +272,7 @@ def _no_records(descriptor: int, begin: int, end: int) -> str:
 
 
 def look_between(descriptor: int, begin: int, end: int) -> Optional[str]:
-    """A note of what is no record between two bytes of a bag; None where there is nothing but indexes.
+    """Return a note about bytes between two positions that are no records; None where there are only indexes.
 
     Raises:
         BagFormatError: There is a chunk that the index does not name.
@@ -289,7 +289,7 @@ def look_between(descriptor: int, begin: int, end: int) -> Optional[str]:
 
 def _around_chunks(descriptor: int, chunks: List[ChunkRef], first: int, index_position: int
                    ) -> Tuple[List[ChunkHead], List[Tuple[int, int]]]:
-    """The heads of chunks, and the stretches that are not just the chunks with the indexes that are to be expected."""
+    """Return the heads of chunks, and the byte ranges outside of the chunks and their expected indexes."""
     heads: List[ChunkHead] = []
     stretches = [(first, chunks[0].position if chunks else index_position)]
     for chunk in chunks:
@@ -305,7 +305,7 @@ def _around_chunks(descriptor: int, chunks: List[ChunkRef], first: int, index_po
 
 
 def read_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of a bag."""
+    """Read the index of a bag."""
     size = os.fstat(descriptor).st_size
     fields, first_chunk = read_file_header(descriptor)
     index_position = u64(fields, "index_pos")

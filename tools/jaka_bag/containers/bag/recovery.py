@@ -1,4 +1,4 @@
-"""Reads a cut-off, unindexed or damaged .bag as far as that goes."""
+"""The recovery of a cut-off, unindexed or damaged .bag."""
 import struct
 from typing import Generator, Iterator, List, Optional, Tuple
 
@@ -20,7 +20,7 @@ _LONGEST_CHUNK_HEADER = 64
 
 
 def _next_message(raw: bytes, begin: int) -> int:
-    """Where the next whole message record of a damaged chunk starts; its end where there is none."""
+    """Return the start of the next whole message record in a damaged chunk; the chunk's end where there is none."""
     mark = raw.find(_MESSAGE_MARK, begin)
     while mark >= 0:
         for start in range(max(mark - 38, begin), mark - 3):
@@ -73,7 +73,7 @@ class BagRecovery(LogRecovery):
         self.expected = expected
 
     def stretches(self) -> Iterator[Stretch]:
-        """All messages that can be read, in the order of the file."""
+        """Yield all readable messages, in the order of the file."""
         at = self._begin
         while at < self.size:
             raw = read_at(self.descriptor, at, 4096)
@@ -103,7 +103,7 @@ class BagRecovery(LogRecovery):
                       % (self._promised_chunks, self._chunks))
 
     def _behind_zeros(self, at: int) -> int:
-        """Where the next record, or the end of the file, is behind nothing but zeros; 0 where there are others."""
+        """Return the position of the next record, or the file's end, if only zeros precede it, else 0."""
         begin = at
         while begin < self.size:
             raw = read_at(self.descriptor, begin, _WINDOW)
@@ -158,7 +158,7 @@ class BagRecovery(LogRecovery):
         return end
 
     def _index_behind(self, begin: int) -> Tuple[Optional[Array], int]:
-        """Offsets of messages from the index records behind a chunk (None: not usable), and where they end."""
+        """Return offsets of messages from the index records after a chunk (None: not usable), and their end."""
         entries: List[Tuple[int, Array]] = []
         is_usable = True
         at = begin
@@ -180,7 +180,7 @@ class BagRecovery(LogRecovery):
         return at == self.size or fmt.try_record_at(read_at(self.descriptor, at, 4096)) is not None
 
     def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> Parsed:
-        """All messages of a whole chunk, or of what is left of it."""
+        """Return all messages of a whole chunk, or those that are left of it."""
         end = at + head.data_start + head.data_size
         try:
             self.allowance.take(at, head.size)
@@ -226,7 +226,7 @@ class BagRecovery(LogRecovery):
 
 
 def _around_damage(raw: bytes) -> Tuple[Parsed, int]:
-    """The whole records of a damaged chunk, and how many bytes were skipped."""
+    """Return the whole records of a damaged chunk, and the number of bytes that were skipped."""
     parts: List[MessageBatch] = []
     connections = {}
     at = skipped = 0

@@ -60,7 +60,7 @@ class _Walk:
         return self.numbers.setdefault(connection, len(self.numbers))
 
     def run(self, stop: int) -> Optional[_Run]:
-        """The whole records up to a byte of the file or a window's worth of them; None where there is none."""
+        """Return whole records, at most a window's worth, up to a byte of the file; None where there is none."""
         begin = self.at
         raw = read_at(self._descriptor, begin, min(_WINDOW, stop - begin))
         first = fmt.try_record_at(raw)
@@ -84,7 +84,7 @@ class _Walk:
         return _Run(begin, self.at, rows.batch(np.frombuffer(raw, np.uint8)))
 
     def runs(self) -> Iterator[_Run]:
-        """All of the file up to its end, or to where it is damaged."""
+        """Yield all runs of records up to the file's end, or up to damage."""
         while self.at < self._size:
             run = self.run(self._size)
             if run is None:
@@ -93,7 +93,7 @@ class _Walk:
 
 
 def read_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of a bag of version 1.2, from a walk through it: its own has little in it."""
+    """Read the index of a bag of version 1.2 in a walk through the file: its own index holds little."""
     size = os.fstat(descriptor).st_size
     walk = _Walk(descriptor, size)
     chunks: List[ChunkRef] = []
@@ -134,7 +134,7 @@ class RosrecordRecovery(LogRecovery):
     """See ``LogRecovery``; keeps what stands in front of the first damage."""
 
     def stretches(self) -> Iterator[Stretch]:
-        """All messages that can be read, in the order of the file."""
+        """Yield all readable messages, in the order of the file."""
         walk = _Walk(self.descriptor, self.size)
         for run in walk.runs():
             self.learn({number: connection for connection, number in walk.numbers.items()})

@@ -8,7 +8,7 @@ from .recovery import walk_index
 
 
 def _whole_end(descriptor: int) -> int:
-    """Where the last record ends that is written in full."""
+    """Return the end of the last record that is written in full."""
     size = os.fstat(descriptor).st_size
     at = fmt.read_file_head(descriptor)[2]
     while True:
@@ -22,10 +22,10 @@ def _whole_end(descriptor: int) -> int:
 
 
 def active_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of what is whole by now of an unfinished MCAP.
+    """Return the index of the part of an unfinished MCAP that is whole by now.
 
     Raises:
-        BagFormatError: It is damaged before its end.
+        BagFormatError: The file is damaged before its end.
     """
     index = walk_index(path, descriptor, _whole_end(descriptor))
     if not index.chunks or index.chunks[-1].is_loose:

@@ -33,7 +33,7 @@ _SPAN = struct.Struct("<QQ")
 
 
 def pieces(file: BinaryIO) -> Iterator[Tuple[int, int, str]]:
-    """Each record up to the first that is cut off: first byte, size, what it is; the file's position is changed."""
+    """Yield each record up to the first that is cut off: first byte, size, kind; the file's position is changed."""
     size = os.fstat(file.fileno()).st_size
     yield 0, len(MAGIC), "magic bytes"
     at = len(MAGIC)

@@ -1,6 +1,6 @@
-"""Reads the chunks of an MCAP: many records at once where they are regular, else one by one and exact.
+"""The reader of an MCAP's chunks: many records at once where they are regular, else one by one and exact.
 
-What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import struct
 import zlib
@@ -20,12 +20,12 @@ from . import records as fmt
 _HEAD = fmt.MESSAGE_HEAD.size
 HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
                       ("log_time", "<u8"), ("publish_time", "<u8")])
-"""What stands in front of a message's payload."""
+"""The bytes of a message record before its payload."""
 Schemas = Dict[int, fmt.Schema]
 
 
 def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
-    """The messages at the index's offsets; None where one of them is not a message."""
+    """Return the messages at the index's offsets; None where one of them is not a message."""
     if not len(offset) or int(offset[0]) < 0 or int(offset[-1]) + _HEAD > len(data):
         return None
     heads = windows(data, _HEAD)[offset].view(HEAD_TYPE)
@@ -38,14 +38,14 @@ def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
 
 
 def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = None, is_loose: bool = False) -> Parsed:
-    """The records of an MCAP chunk's bytes, one by one, up to the first that is damaged or cut off.
+    """Read the records of an MCAP chunk's bytes, one by one, up to the first that is damaged or cut off.
 
     Args:
         raw: The uncompressed chunk.
-        schemas: Those declared before it; gets those declared in it.
+        schemas: Schemas declared before the chunk; those declared in it are added.
         begin: First byte to read.
         end: Byte to stop at; None for the end.
-        is_loose: The bytes are not a chunk's but the file's own: stop at what belongs in no chunk.
+        is_loose: The bytes are not a chunk's but the file's own: stop at a record that belongs in no chunk.
     """
     rows = Rows(has_publish=True)
     connections: Dict[int, Connection] = {}
@@ -70,12 +70,12 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> Parsed:
-    """The records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
+    """Return the records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
     return contract.parse_chunk(raw, offset, _regular_mcap, lambda begin, end: scan(raw, schemas, begin, end))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(channel id, (time, offset) uint64 of shape (n, 2)) of the message indexes that follow a chunk."""
+    """Return (channel id, (time, offset) uint64 of shape (n, 2)) of each message index that follows a chunk."""
     result = []
     for opcode, start, end in fmt.whole_records(raw, begin):
         if opcode == fmt.MESSAGE_INDEX:
@@ -89,7 +89,7 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
 
 
 def offsets_in(entries: List[Tuple[int, Array]]) -> Optional[Array]:
-    """Where messages start by the message indexes of a chunk, ascending, int64; None where there are none."""
+    """Return the positions of messages from a chunk's message indexes, ascending, int64; None where there are none."""
     return np.sort(np.concatenate([entry[:, 1] for _, entry in entries]).view(np.int64)) if entries else None
 
 

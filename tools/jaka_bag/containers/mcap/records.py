@@ -1,6 +1,6 @@
-"""Reads the records of MCAP files (MCAP specification, version 0), and the summary that they make; no numpy.
+"""The parsers of MCAP's records (MCAP specification, version 0) and of the summary that they form; no numpy.
 
-What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import struct
@@ -30,7 +30,7 @@ _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
 
 
 class ChunkIndex(NamedTuple):
-    """Where one chunk is and what it holds; times in ns, positions and sizes in byte."""
+    """The location and content of one chunk; times in ns, positions and sizes in byte."""
 
     start_time: int
     end_time: int
@@ -58,14 +58,14 @@ class Statistics(NamedTuple):
 
 
 class Cursor:
-    """Reads the fields of one record's body in order."""
+    """A cursor that reads the fields of one record's body in order."""
 
     def __init__(self, body: Buffer, at: int = 0) -> None:
         self.body = body
         self.at = at
 
     def unpack(self, layout: str) -> Tuple[int, ...]:
-        """Integers of a little-endian ``struct`` layout."""
+        """Read integers of a little-endian ``struct`` layout."""
         form = struct.Struct("<" + layout)
         if self.at + form.size > len(self.body):
             raise BagFormatError("an MCAP record ends too early")
@@ -74,11 +74,11 @@ class Cursor:
         return values
 
     def number(self, layout: str) -> int:
-        """One integer."""
+        """Read one integer."""
         return self.unpack(layout)[0]
 
     def raw(self, size: int) -> bytes:
-        """``size`` bytes."""
+        """Read ``size`` bytes."""
         if size > len(self.body) - self.at:
             raise BagFormatError("an MCAP record ends too early")
         value = bytes(self.body[self.at:self.at + size])
@@ -86,11 +86,11 @@ class Cursor:
         return value
 
     def text(self) -> str:
-        """A string; bytes that are not UTF-8 are kept as surrogates."""
+        """Read a string; bytes that are not UTF-8 are kept as surrogates."""
         return self.raw(self.number("I")).decode("utf-8", "surrogateescape")
 
     def text_map(self) -> Dict[str, str]:
-        """A map of strings."""
+        """Read a map of strings."""
         inner = Cursor(self.raw(self.number("I")))
         values: Dict[str, str] = {}
         while inner.at < len(inner.body):
@@ -99,7 +99,7 @@ class Cursor:
         return values
 
     def number_map(self) -> Dict[int, int]:
-        """A map of uint16 to uint64."""
+        """Read a map of uint16 to uint64."""
         raw = self.raw(self.number("I"))
         if len(raw) % 10:
             raise BagFormatError("a map in an MCAP record is damaged")
@@ -115,14 +115,14 @@ class Schema(NamedTuple):
 
 
 def parse_schema(body: Buffer) -> Tuple[int, Schema]:
-    """Id and content of a schema record's body."""
+    """Parse a schema record's body into its id and content."""
     c = Cursor(body)
     schema_id = c.number("H")
     return schema_id, Schema(c.text(), c.text(), c.text())
 
 
 def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connection]:
-    """Id and connection of a channel record's body."""
+    """Parse a channel record's body into its id and connection."""
     c = Cursor(body)
     channel_id, schema_id = c.unpack("HH")
     topic, encoding, metadata = c.text(), c.text(), c.text_map()
@@ -136,41 +136,41 @@ def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connec
 
 
 def parse_chunk_index(body: Buffer) -> ChunkIndex:
-    """A chunk index record's body."""
+    """Parse a chunk index record's body."""
     c = Cursor(body)
     start, end, position, size = c.unpack("QQQQ")
     return ChunkIndex(start, end, position, size, c.number_map(), c.number("Q"), c.text(), c.number("Q"), c.number("Q"))
 
 
 def parse_statistics(body: Buffer) -> Statistics:
-    """A statistics record's body."""
+    """Parse a statistics record's body."""
     c = Cursor(body)
     return Statistics(*c.unpack("QHIIIIQQ"), c.number_map())  # type: ignore[call-arg, arg-type]
 
 
 def parse_attachment_index(body: Buffer) -> AttachmentIndex:
-    """An attachment index record's body."""
+    """Parse an attachment index record's body."""
     c = Cursor(body)
     position, size, log_time, create_time, data_size = c.unpack("QQQQQ")
     return AttachmentIndex(position, size, log_time, create_time, data_size, c.text(), c.text())
 
 
 def parse_metadata_index(body: Buffer) -> MetadataIndex:
-    """A metadata index record's body."""
+    """Parse a metadata index record's body."""
     c = Cursor(body)
     position, size = c.unpack("QQ")
     return MetadataIndex(position, size, c.text())
 
 
 def read_metadata(descriptor: int, entry: MetadataIndex) -> Dict[str, str]:
-    """The content of a metadata record."""
+    """Read the content of a metadata record."""
     c = Cursor(read_at(descriptor, entry.position, entry.size), RECORD_HEAD.size)
     c.text()
     return c.text_map()
 
 
 def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
-    """The content of an attachment record."""
+    """Read the content of an attachment record."""
     raw = read_at(descriptor, entry.position, entry.size)
     c = Cursor(raw, RECORD_HEAD.size)
     c.unpack("QQ")
@@ -184,7 +184,7 @@ def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
 
 
 def parse_attachment(raw: bytes, position: int) -> AttachmentIndex:
-    """What an attachment record at a position of the file says of itself."""
+    """Parse an attachment record at a position of the file into an index entry."""
     c = Cursor(raw, RECORD_HEAD.size)
     log_time, create_time = c.unpack("QQ")
     name, media_type = c.text(), c.text()
@@ -192,7 +192,7 @@ def parse_attachment(raw: bytes, position: int) -> AttachmentIndex:
 
 
 def parse_metadata(raw: bytes, position: int) -> MetadataIndex:
-    """What a metadata record at a position of the file says of itself."""
+    """Parse a metadata record at a position of the file into an index entry."""
     c = Cursor(raw, RECORD_HEAD.size)
     entry = MetadataIndex(position, len(raw), c.text())
     c.text_map()
@@ -200,7 +200,7 @@ def parse_metadata(raw: bytes, position: int) -> MetadataIndex:
 
 
 def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record; the data may be cut off. Fields of later versions may stand behind the data."""
+    """Parse the head of a chunk record; its data may be cut off. Fields of later versions may follow the data."""
     cursor = Cursor(raw)
     if cursor.number("B") != CHUNK:
         raise BagFormatError("there is no chunk record")
@@ -216,7 +216,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
 
 
 def records_in(data: Buffer, begin: int = 0, end: Optional[int] = None) -> Iterator[Tuple[int, int, int]]:
-    """(opcode, start, end) of the body of each whole record between two bytes."""
+    """Yield (opcode, start, end) of the body of each whole record between two bytes."""
     stop = len(data) if end is None else end
     while begin + RECORD_HEAD.size <= stop:
         opcode, size = RECORD_HEAD.unpack_from(data, begin)
@@ -228,7 +228,7 @@ def records_in(data: Buffer, begin: int = 0, end: Optional[int] = None) -> Itera
 
 
 def whole_records(data: Buffer, begin: int = 0) -> List[Tuple[int, int, int]]:
-    """(opcode, start, end) of the body of each record in ``data``."""
+    """Return (opcode, start, end) of the body of each record in ``data``."""
     found = list(records_in(data, begin))
     if (found[-1][2] if found else begin) != len(data):
         raise BagFormatError("the last MCAP record is cut off")
@@ -247,7 +247,7 @@ class _Summary(NamedTuple):
 
 
 def parse_summary(data: bytes) -> _Summary:
-    """The records of a summary section."""
+    """Parse the records of a summary section."""
     summary = _Summary({}, {}, [], None, [], [])
     bodies: Dict[int, List[bytes]] = {}
     for opcode, begin, end in whole_records(data):
@@ -263,7 +263,7 @@ def parse_summary(data: bytes) -> _Summary:
 
 
 def read_file_head(descriptor: int) -> Tuple[str, str, int]:
-    """Profile, library, and the position behind the first record."""
+    """Read the file's head; return profile, library, and the end of the first record."""
     raw = read_at(descriptor, 0, len(MAGIC) + RECORD_HEAD.size + 1024)
     if raw[:len(MAGIC)] != MAGIC:
         raise BagFormatError("the file is cut off in its first bytes, or of an MCAP version that is not supported")
@@ -288,7 +288,7 @@ def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
 
 
 def read_summary(descriptor: int, size: int) -> Optional[_Summary]:
-    """The summary; None where the file was written without one."""
+    """Read the summary; return None where the file was written without one."""
     start, crc = read_footer(descriptor, size)
     if start == 0:
         return None
@@ -312,7 +312,7 @@ def _is_complete(summary: _Summary) -> bool:
 
 
 def _find_extras(descriptor: int, begin: int, size: int) -> Tuple[List[AttachmentIndex], List[MetadataIndex]]:
-    """All attachments and metadata records of a whole data section, whatever the summary names of them."""
+    """Find all attachments and metadata records of a whole data section, whether or not the summary names them."""
     attachments: List[AttachmentIndex] = []
     metadata: List[MetadataIndex] = []
     opcode = 0
@@ -333,7 +333,7 @@ def _find_extras(descriptor: int, begin: int, size: int) -> Tuple[List[Attachmen
 
 
 def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
-    """The index of an MCAP; None for a whole file without a usable summary."""
+    """Read the index of an MCAP; return None for a whole file without a usable summary."""
     size = os.fstat(descriptor).st_size
     profile, library, data_start = read_file_head(descriptor)
     summary = read_summary(descriptor, size)

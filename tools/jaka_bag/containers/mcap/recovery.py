@@ -22,7 +22,7 @@ _LOOSE = (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE)
 _LOOSE_WINDOW = 1 << 20
 _WINDOW = 4 << 20
 _CODEC_AT = 37
-"""Where the length of the codec's name stands in a chunk record."""
+"""Position of the length of the codec's name in a chunk record."""
 _SMALLEST_CHUNK = 49
 
 
@@ -48,7 +48,7 @@ class McapRecovery(LogRecovery):
             pass  # that there is none is why the file is recovered
 
     def stretches(self) -> Iterator[Stretch]:
-        """All messages that can be read, in the order of the file."""
+        """Yield all readable messages, in the order of the file."""
         at = self._begin
         while at < self.size:
             opcode = read_at(self.descriptor, at, 1)[0]
@@ -70,7 +70,7 @@ class McapRecovery(LogRecovery):
             at = end
 
     def _loose(self, at: int) -> Tuple[Parsed, int]:
-        """Loose records from a position on, and where they end."""
+        """Return loose records from a position on, and their end."""
         length = max(_LOOSE_WINDOW, self._record_end(at) - at)
         parsed = scan(read_at(self.descriptor, at, length), self._schemas, is_loose=True)
         if not parsed.consumed:
@@ -79,7 +79,7 @@ class McapRecovery(LogRecovery):
         return parsed, at + parsed.consumed
 
     def _record_end(self, at: int) -> int:
-        """Where the record at a position ends."""
+        """Return the end of the record at a position."""
         head = read_at(self.descriptor, at, fmt.RECORD_HEAD.size)
         if len(head) == fmt.RECORD_HEAD.size:
             end = at + fmt.RECORD_HEAD.size + int(fmt.RECORD_HEAD.unpack(head)[1])
@@ -88,7 +88,7 @@ class McapRecovery(LogRecovery):
         raise BagFormatError("a record at byte %d is cut off" % at)
 
     def _region_end(self, at: int) -> int:
-        """Where a chunk and the message indexes behind it end."""
+        """Return the end of a chunk and the message indexes after it."""
         end = self._record_end(at)
         while read_at(self.descriptor, end, 1) == bytes([fmt.MESSAGE_INDEX]):
             try:
@@ -120,7 +120,7 @@ class McapRecovery(LogRecovery):
         return end
 
     def _next_chunk(self, begin: int, stop: int) -> int:
-        """Where the next chunk starts, at the latest at ``stop``."""
+        """Return the start of the next chunk, at the latest ``stop``."""
         at = begin
         while at < stop and at + _SMALLEST_CHUNK <= self.size:
             raw = read_at(self.descriptor, at, min(_WINDOW, stop - at + _SMALLEST_CHUNK + 32))
@@ -141,7 +141,7 @@ class McapRecovery(LogRecovery):
         return stop
 
     def _chunk(self, at: int) -> Tuple[Parsed, int]:
-        """The messages of the chunk at a position, whole or what is left of it, and where the next record starts."""
+        """Return the messages of the chunk at a position, or those left of it, and the start of the next record."""
         head = fmt.parse_chunk_head(read_at(self.descriptor, at, 256))
         end = at + head.end
         if end > self.size:
@@ -196,7 +196,7 @@ class _Whole(McapRecovery):
 
 
 def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> LogIndex:
-    """The index of an MCAP without a usable summary; the file counts up to byte ``end`` (None: to its last one)."""
+    """Return the index of an MCAP without a usable summary, read up to byte ``end`` (None: to the last byte)."""
     size = os.fstat(descriptor).st_size if end is None else end
     walk = _Whole(descriptor, size)
     found = []

@@ -17,36 +17,36 @@ LIBRARY = "jaka_ros_driver"
 
 
 def text(value: str) -> bytes:
-    """A string as MCAP stores it; what is not valid Unicode becomes a question mark."""
+    """Encode a string for MCAP; a character that is not valid Unicode becomes a question mark."""
     raw = value.encode("utf-8", "replace")
     return struct.pack("<I", len(raw)) + raw
 
 
 def text_map(values: Dict[str, str]) -> bytes:
-    """A map of strings as MCAP stores it."""
+    """Encode a map of strings for MCAP."""
     raw = b"".join(text(key) + text(value) for key, value in values.items())
     return struct.pack("<I", len(raw)) + raw
 
 
 def record(opcode: int, body: bytes) -> bytes:
-    """One whole record."""
+    """Encode one whole record."""
     return fmt.RECORD_HEAD.pack(opcode, len(body)) + body
 
 
 def header_record(profile: str, library: str) -> bytes:
-    """The first record of a file."""
+    """Encode the first record of a file."""
     return record(fmt.HEADER, text(profile) + text(library))
 
 
 def schema_record(schema_id: int, connection: Connection) -> bytes:
-    """The definition of a connection's type."""
+    """Encode the definition of a connection's type."""
     raw = connection.definition.encode("utf-8", "surrogateescape")
     return record(fmt.SCHEMA, struct.pack("<H", schema_id) + text(connection.datatype)
                   + text(connection.schema_encoding) + struct.pack("<I", len(raw)) + raw)
 
 
 def channel_metadata(connection: Connection) -> Dict[str, str]:
-    """What a channel of the ``ros1`` profile says beside topic and type (MCAP profile registry)."""
+    """Return a channel's metadata besides topic and type in the ``ros1`` profile (MCAP profile registry)."""
     values = {}
     if connection.md5sum:
         values["md5sum"] = connection.md5sum
@@ -60,20 +60,20 @@ def channel_metadata(connection: Connection) -> Dict[str, str]:
 
 
 def channel_record(channel_id: int, schema_id: int, connection: Connection) -> bytes:
-    """One connection; its type is that of ``schema_id`` (0: none)."""
+    """Encode one connection; its type is that of ``schema_id`` (0: none)."""
     return record(fmt.CHANNEL, struct.pack("<HH", channel_id, schema_id) + text(connection.topic)
                   + text(connection.encoding) + text_map(channel_metadata(connection)))
 
 
 def chunk_head(start_time: int, end_time: int, uncompressed_size: int, crc: int, codec: str, stored: int) -> bytes:
-    """A chunk record up to its ``stored`` bytes of compressed records; times in ns."""
+    """Encode a chunk record up to its ``stored`` bytes of compressed records; times in ns."""
     name = text("" if codec == "none" else codec)
     body = struct.pack("<QQQI", start_time, end_time, uncompressed_size, crc) + name + struct.pack("<Q", stored)
     return fmt.RECORD_HEAD.pack(fmt.CHUNK, len(body) + stored) + body
 
 
 def _number_map(values: Dict[int, int]) -> bytes:
-    """A map of uint16 to uint64 as MCAP stores it."""
+    """Encode a map of uint16 to uint64 for MCAP."""
     return struct.pack("<I", 10 * len(values)) + b"".join(struct.pack("<HQ", *pair) for pair in values.items())
 
 
