@@ -1,4 +1,4 @@
-"""Every promise of docs/safety.yaml and of docs/panel.md has a test, by a name that exists; safety.md begins with it."""
+"""Every promise of docs/safety.yaml and docs/panel.md has a test, by a name that exists; the page begins as it must."""
 import re
 
 import pytest
@@ -16,7 +16,8 @@ DEFINED = {name for path in (ROOT / "test").rglob("test_*.py")
 
 def promises_of_the_panel(text):
     """Return the entries of its lists of promises and of attacks, each a list item that begins with bold text."""
-    lists = [text.partition("\n## %s\n" % heading)[2].partition("\n## ")[0] for heading in ("What it promises", "Who may")]
+    lists = [text.partition("\n## %s\n" % heading)[2].partition("\n## ")[0]
+             for heading in ("What it promises", "Who may")]
     return [item for one in lists for item in re.findall(r"^- \*\*.*(?:\n  .*)*", one, re.MULTILINE)]
 
 
@@ -54,4 +55,5 @@ def test_the_first_screen_says_what_is_promised_what_is_not_and_what_to_do():
         "What the driver promises", "What is not covered", "What to do", "Custody"]
     assert headings[3][0] <= ONE_SCREEN
     to_do = SAFETY.partition("\n## What to do\n")[2].partition("\n## ")[0]
-    assert re.findall(r"^\*\*(.+)\*\*$", to_do, re.MULTILINE) == ["Before first use", "At an alarm", "After an accident"]
+    assert re.findall(r"^\*\*(.+)\*\*$", to_do, re.MULTILINE) == [
+        "Before first use", "At an alarm", "After an accident"]

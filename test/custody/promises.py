@@ -1,7 +1,7 @@
 """The promises of docs/safety.yaml: what each rests on, and the parts of docs/safety.md that are made from them.
 
-A promise has rules of the simulation and planted defects that these rules find; what no simulation of the core can judge
-is behaviour, with tests of real processes and the reason. Run as a program, this writes the parts into the page:
+A promise has rules of the simulation and planted defects that these rules find. What no simulation of the core can
+judge is behaviour, with tests of real processes and the reason. Run as a program, this writes the parts into the page:
 
     build/venv/bin/python3 test/custody/promises.py
 """
@@ -77,10 +77,10 @@ def _entry(number: str, data: Dict[str, Any], more: Tuple[str, ...]) -> Entry:
         raise ValueError("docs/safety.yaml, %s: unknown %s" % (data.get("id"), sorted(unknown)))
     how = data["how"]
     judged_live = data.get("judged_live", {"tests": (), "what": data.get("no_rule", "")})
-    return Entry(number, data["id"], data["title"], data.get("promise", ""), (how,) if isinstance(how, str) else tuple(how),
-                 data.get("measured", ""), tuple(data.get("limits", ())), tuple(data["tests"]), data.get("tests_note", ""),
-                 tuple(data.get("rules", ())), tuple(data.get("defects", ())), tuple(judged_live["tests"]),
-                 judged_live["what"])
+    return Entry(
+        number, data["id"], data["title"], data.get("promise", ""), (how,) if isinstance(how, str) else tuple(how),
+        data.get("measured", ""), tuple(data.get("limits", ())), tuple(data["tests"]), data.get("tests_note", ""),
+        tuple(data.get("rules", ())), tuple(data.get("defects", ())), tuple(judged_live["tests"]), judged_live["what"])
 
 
 _DATA = yaml.safe_load(DATA.read_text(encoding="utf-8"))
