@@ -1,19 +1,8 @@
-"""docs/architecture.md: the way of a move is the one that a real joint_move takes, the table of own code is backed.
-
-Run as a program, this draws the calls of a joint_move into the page anew:
-
-    . build/devel/setup.bash && build/venv/bin/python3 test/ros/pages/test_architecture_page.py
-"""
+"""docs/architecture.md: the calls of a move are those of a real joint_move, own code is backed by tests."""
 import os
 import re
-import sys
 import threading
 from contextlib import closing
-from pathlib import Path
-
-if __name__ == "__main__":
-    SUPPORT = Path(__file__).resolve().parents[2] / "support"
-    sys.path[:0] = [str(SUPPORT), str(SUPPORT / "pages")]
 
 import import_graph
 import pytest
@@ -39,7 +28,7 @@ PACKAGE = import_graph.ROOT / "jaka_ros_driver"
 PATH = import_graph.ROOT / "docs" / "architecture.md"
 PAGE = PATH.read_text(encoding="utf-8")
 WRITE = "JAKA_DRAW_THE_CALLS_ANEW"
-"""Set in the environment, the page is written; this file run as a program sets it."""
+"""Set in the environment, the page is written: test/support/pages/draw_calls.py does it."""
 NUMBERS = re.compile(r"(One `joint_move` passes \*\*)(\d+)( files\*\*[^:]*: )(\d+)( in the thread of\nthe caller, )"
                      r"(\d+)")
 """Where the page says how many files a move passes: in all, in the caller's thread, in the client's."""
@@ -107,9 +96,9 @@ class Traced:
             calls = tracer.calls[ident]
             for edge, functions in calls.items():
                 self.any[name].setdefault(edge, {}).update(functions)
-            kept = self.every.setdefault(name, {edge: dict(functions) for edge, functions in calls.items()})
-            self.every[name] = {edge: {function: None for function in functions if function in calls[edge]}
-                                for edge, functions in kept.items() if edge in calls}
+            kept = self.every.setdefault(name, calls)
+            self.every[name] = {edge: {function: line for function, line in kept[edge].items() if function in now}
+                                for edge, now in calls.items() if edge in kept}
         self.to_the_wire.append(tracer.sequence[threads[0]])
         self.back.append(tracer.sequence[threads[1]])
 
@@ -197,7 +186,7 @@ def test_the_page_says_how_many_files_a_move_passes(traced):
     (lambda lines: [lines[0] + ", no_such_function", *lines[1:]], "does not call no_such_function of"),
 ])
 def test_a_picture_that_shows_what_is_not_or_hides_what_is_is_noticed(change, fault):
-    calls = {("", "a.py"): {"enter": None}, ("a.py", "b.py"): {"step": None}, ("b.py", "c.py"): {"act": None}}
+    calls = {("", "a.py"): {"enter": 7}, ("a.py", "b.py"): {"step": 3}, ("b.py", "c.py"): {"act": 9}}
     right = tree(calls)
     assert right == ["a.py: enter", "  b.py: step", "    c.py: act"] and not faults_of(right, calls)
     assert any(fault in one for one in faults_of(change(right), calls))
@@ -217,13 +206,3 @@ def test_every_piece_of_own_code_is_found():
 def test_what_is_our_own_is_backed_by_tests_or_benchmarks_that_exist(piece):
     shown = set(re.findall(r"`((?:test|bench)_\w+)`", piece))
     assert (shown or "rest on it" in " ".join(piece.split())) and not shown - DEFINED - BENCHMARKS
-
-
-def main():
-    """Draw the calls into the page."""
-    os.environ[WRITE] = "1"
-    sys.exit(pytest.main(["-q", __file__, "-k", "picture_shows"]))
-
-
-if __name__ == "__main__":
-    main()

@@ -8,8 +8,8 @@ class CallTracer:
     """Records the calls of a package's functions, in the threads that follow it, while it is on.
 
     Attributes:
-        calls: For each thread id: for each (calling file, called file) the functions that were called, in their order.
-            The calling file is "" where no file of the package is further up.
+        calls: For each thread id: for each (calling file, called file) the functions that were called, with the line of
+            their definition. The calling file is "" where no file of the package is further up.
         sequence: For each thread id the calls, (file, function), in their order.
     """
 
@@ -68,17 +68,20 @@ class CallTracer:
         caller, above = "", frame.f_back
         while above is not None and not caller:
             caller, above = self._file_of(above.f_code), above.f_back
-        thread = threading.get_ident()
-        self.calls.setdefault(thread, {}).setdefault((caller, file), {})[frame.f_code.co_name] = None
-        self.sequence.setdefault(thread, []).append((file, frame.f_code.co_name))
+        thread, name = threading.get_ident(), frame.f_code.co_name
+        self.calls.setdefault(thread, {}).setdefault((caller, file), {})[name] = frame.f_code.co_firstlineno
+        self.sequence.setdefault(thread, []).append((file, name))
 
 
 def tree(calls, most_names=3):
     """Draw the calls of one thread: each file once, indented below the nearest file that calls it.
 
+    The same calls are drawn the same, in whatever order they were made: files stand by their names, functions in the
+    order of their definitions.
+
     Args:
         calls: As ``CallTracer.calls`` has them for a thread.
-        most_names: So many of the called functions stand behind the file.
+        most_names: At most so many of the called functions stand behind a file.
 
     Returns:
         The lines of the drawing, without a line end.
@@ -88,24 +91,26 @@ def tree(calls, most_names=3):
     for caller, file in calls:
         if caller != file:
             below.setdefault(caller, []).append(file)
-    roots = below.pop("", []) + [caller for caller in below if caller not in called]
+    roots = sorted(dict.fromkeys(below.pop("", []) + [caller for caller in below if caller not in called]))
     depth = dict.fromkeys(roots, 0)
     parent = dict.fromkeys(roots, "")
     queue = list(depth)
     for file in queue:  # it grows: the nearest caller is met first
-        for other in below.get(file, ()):
+        for other in sorted(below.get(file, ())):
             if other not in depth:
                 depth[other], parent[other] = depth[file] + 1, file
                 queue.append(other)
     lines = []
 
     def draw(file):
-        names = [name for name in calls.get((parent[file], file), ()) if not name.startswith("<")][:most_names]
+        called_here = calls.get((parent[file], file), {})
+        names = [name for name in sorted(called_here, key=lambda name: (called_here[name], name))
+                 if name[0] not in "<_"][:most_names]
         lines.append("%s%s%s" % ("  " * depth[file], file, ": " + ", ".join(names) if names else ""))
         for other in (other for other in queue if parent[other] == file):
             draw(other)
 
-    for root in dict.fromkeys(roots):
+    for root in roots:
         draw(root)
     return lines
 
