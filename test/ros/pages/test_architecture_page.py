@@ -9,6 +9,7 @@ import pytest
 import rospy
 from arm_bench import Bench, eventually
 from call_tracer import CallTracer, faults_of, tree
+from code_lines import code_lines, lines_of_names
 from ros_bench import HOME
 
 from jaka_msgs.srv import Move
@@ -206,3 +207,17 @@ def test_every_piece_of_own_code_is_found():
 def test_what_is_our_own_is_backed_by_tests_or_benchmarks_that_exist(piece):
     shown = set(re.findall(r"`((?:test|bench)_\w+)`", piece))
     assert (shown or "rest on it" in " ".join(piece.split())) and not shown - DEFINED - BENCHMARKS
+
+
+@pytest.mark.parametrize("piece", [piece for piece in OWN_CODE if " lines." in piece], ids=lambda piece: piece[4:44])
+def test_a_piece_of_own_code_is_as_long_as_the_page_says(piece):
+    where, told = re.match(r"- \*\*.*?\*\*: (.*?), (\d+) lines\.", " ".join(piece.split())).groups()
+    lines = lines_of_names(where, [import_graph.ROOT, PACKAGE])
+    assert abs(lines - int(told)) <= max(10, 0.1 * lines), "%d lines" % lines
+
+
+def test_lines_of_code_are_counted_without_comments_and_docstrings():
+    source = '"""A module."""\n\n# why\nx = 1  # one\n\n\ndef f():\n    """Do."""\n    return (x,\n            2)\n'
+    assert code_lines(source) == 4
+    with pytest.raises(ValueError, match="no such files"):
+        lines_of_names("`kinematics/{limits,no_such}.py`", [PACKAGE])
