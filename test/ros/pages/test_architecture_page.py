@@ -119,7 +119,7 @@ def traced(tmp_path_factory, ros_node):
     tracer = CallTracer(PACKAGE, leave_out=["simulation"])
     server = None
     try:
-        arm = bench.connect()
+        arm = bench.connect(silence_timeout=10.0, reply_timeout=10.0, stale_after=8.0)  # on a busy host, too
         handlers = ServiceHandlers(arm, config_from({"ip": "127.0.0.1"}), FrameTable(arm), None)
         services = Services(RequestDecoder(arm.model), handlers, CallPublisher(), Recorder(log))
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
