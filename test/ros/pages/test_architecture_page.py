@@ -116,7 +116,7 @@ def traced(tmp_path_factory, ros_node):
     folder = tmp_path_factory.mktemp("bench")
     bench, log = Bench(folder), AuditLog(str(folder / "audit"), 0)
     log.start()
-    tracer = CallTracer(PACKAGE, leave_out=["simulation"])
+    tracer = CallTracer(PACKAGE)
     server = None
     try:
         arm = bench.connect(silence_timeout=10.0, reply_timeout=10.0, stale_after=8.0)  # on a busy host, too

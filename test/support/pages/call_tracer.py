@@ -13,10 +13,9 @@ class CallTracer:
         sequence: For each thread id the calls, (file, function), in their order.
     """
 
-    def __init__(self, package, leave_out=()):
-        """``leave_out`` names folders of the package that are not part of what is traced."""
+    def __init__(self, package):
+        """``package`` is the package's folder."""
         self._package = str(package) + os.sep
-        self._leave_out = tuple(name + "/" for name in leave_out)
         self._files = {}  # by the code's own name of its file
         self._is_on = False
         self.calls = {}
@@ -56,7 +55,7 @@ class CallTracer:
         except KeyError:
             path = os.path.abspath(code.co_filename)
             name = path[len(self._package):].replace(os.sep, "/") if path.startswith(self._package) else ""
-            self._files[code.co_filename] = name = "" if name.startswith(self._leave_out) else name
+            self._files[code.co_filename] = name
             return name
 
     def _note(self, frame, event, _argument):
