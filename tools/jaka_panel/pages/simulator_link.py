@@ -1,4 +1,4 @@
-"""The simulated controller's own panel (docs/simulation.md, "The operator port"): what a person there can do."""
+"""The simulated controller's operator port (docs/simulation.md, "The operator port"): what a person there can do."""
 import asyncio
 import json
 from typing import Any, Dict, Mapping
