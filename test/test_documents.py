@@ -18,6 +18,8 @@ PAGE_NAME = re.compile(r"`([\w-]+\.md)`")
 SECTION = r"\d+(?:\.\d+)*"
 CITATION = re.compile(r"\b(controller[ -]protocol|SDK[ -]client|interface)(?: document|\.md)?,? (?:sections? )?"
                       r"(%s(?:(?:, | to | and )%s)*)" % (SECTION, SECTION), re.IGNORECASE)
+LONGEST_CELL = 120
+"""Characters of a table's cell."""
 ELSEWHERE = {"docs/en/guide/errinfo.md", "errinfo.md"}  # of the maker's own documentation
 
 
@@ -51,6 +53,28 @@ def test_every_link_and_every_path_leads_somewhere(page):
             wrong.append(name)
     wrong += [name for name in PAGE_NAME.findall(text) if not any((folder / name).exists() for folder in (DOCS, ROOT))]
     assert not set(wrong) - ELSEWHERE
+
+
+def long_cells(text):
+    """Return the cells of tables that are longer than a reader takes in at a glance: (number of the line, cell)."""
+    blank = re.sub(r"```.*?```", lambda block: "\n" * block.group().count("\n"), text, flags=re.DOTALL)
+    return [(number, cell.strip()) for number, line in enumerate(blank.splitlines(), 1) if line.lstrip().startswith("|")
+            for cell in re.split(r"(?<!\\)\|", line) if len(cell.strip()) > LONGEST_CELL]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name if page.parent != ROOT else "/" + page.name)
+def test_no_cell_of_a_table_holds_a_paragraph(page):
+    assert not long_cells(text_of(page)), "make it prose or a list"
+
+
+@pytest.mark.parametrize("text, found", [
+    ("| a | %s |\n" % ("x" * 121), [(1, "x" * 121)]),
+    ("text\n\n| `a\\|b` | %s | c |\n" % ("y" * 130), [(3, "y" * 130)]),
+    ("```\n| %s |\n```\n| %s |\n" % ("z" * 130, "z" * 121), [(4, "z" * 121)]),
+    ("| %s |\n|---|\n%s\n" % ("x" * 120, "p" * 500), []),
+])
+def test_a_long_cell_is_noticed(text, found):
+    assert long_cells(text) == found
 
 
 def test_every_page_is_in_the_index():

@@ -7,6 +7,7 @@ import difflib
 import ipaddress
 import math
 import re
+import textwrap
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
@@ -19,6 +20,8 @@ from jaka_ros_driver.units import ms_to_s, s_to_ms
 DOCUMENTED, VENDOR, VENDOR_2025 = "documented", "vendor", "vendor_2025"
 TF_ALL, TF_TOOL, TF_NONE = "all", "tool", "none"
 AUDIT_DIR_AUTO = "auto"
+_LONGEST_CELL = 120
+"""Characters of a cell of the page's table; what is longer stands below it."""
 
 _CLIENT = ClientSettings("")
 _HOST_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
@@ -156,11 +159,12 @@ class DriverConfig:
     stale_after: float = _number(_CLIENT.stale_after, 0.02, 10.0, "s",
                                  "A state that is older is neither published nor used.")
     joint_states_topic: str = _text("joint_states", _TOPIC, "a ROS name",
-                                    "Topic for robot_state_publisher and similar nodes, with velocity (the "
-                                    "controller's where it reports one, else a filtered difference).")
+                                    "Topic for robot_state_publisher and similar nodes. Its velocity is the "
+                                    "controller's where it reports one, else a filtered difference.")
     publish_tf: str = _choice(TF_ALL, (TF_ALL, TF_TOOL, TF_NONE),
-                              "Transforms: all (base to flange, flange to active tool, base to user frame); tool (the "
-                              "same without the flange: robot_state_publisher gives it); none.")
+                              "Transforms that are published. all: base to flange, flange to active tool, base to "
+                              "user frame; tool: the same without the flange, which robot_state_publisher gives; "
+                              "none.")
     publish_description: bool = _flag(True, "Set robot_description to a URDF made from the model, where there is none.")
     base_frame: str = _text("base_link", _FRAME, "a frame name", "Frame of the arm's base.")
     flange_frame: str = _text("tool0", _FRAME, "a frame name", "Frame of the flange.")
@@ -199,8 +203,9 @@ class DriverConfig:
         "", _PREFIX, "empty, or a ROS name", "Namespace of the trajectory action, `NAME/follow_joint_trajectory`, and "
         "of the topics `NAME/command` and `NAME/state`. Empty: jaka_MODEL_controller, as in the maker's packages for "
         "MoveIt.")
-    industrial_names: bool = _flag(False, "Trajectories are taken under the names of ROS-Industrial, too: "
-                                          "joint_trajectory_action, joint_path_command, feedback_states, stop_motion.")
+    industrial_names: bool = _flag(False, "Trajectories are taken under the names of ROS-Industrial, too. They are "
+                                          "joint_trajectory_action, joint_path_command, feedback_states and "
+                                          "stop_motion.")
     trajectory_start_tolerance: float = _number(
         _CLIENT.trajectory_start_tolerance, 0.0001, 1.0, "rad",
         "A trajectory is refused where the arm is farther from its first point.")
@@ -299,20 +304,41 @@ def _refusal(name: str, value: Any, parameter: NodeParameter, why: str) -> str:
 def markdown() -> str:
     """Return the documentation of all parameters: the content of docs/parameters.md."""
     lines = ["# Private parameters of the driver", "",
-             "Made from the code with `build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
-             "They are read once, when the node starts; with a wrong value or an unknown name it does not start, nor "
-             "with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would make the default. roslaunch "
-             "leaves out `ip:=` without a value before a launch file can see it: then the arm is a simulated one.", "",
+             "What can be set when the driver starts. Parameters are read once; with a wrong value or an unknown",
+             "name the driver does not start, and says which values are valid. An argument of the launch file sets the",
+             "parameter of its name (`roslaunch --ros-args jaka_ros_driver robot_start_launch.launch` lists them); in",
+             "a launch file of your own it is a line of the node:", "", "```xml",
+             '<param name="model" value="zu12"/>', "```", "",
+             "The driver does not start with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would make",
+             "the default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the arm is a",
+             "simulated one.", "", "This page is made from the code with",
+             "`build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
+    notes = []
     for name, default, parameter in table():
+        meaning, rest = _first_sentences(parameter.doc)
+        valid = parameter.valid
+        if len(valid) > _LONGEST_CELL:
+            valid, rest = "see below", " ".join(filter(None, [rest, "Valid: %s." % valid]))
         lines.append("| `~%s` | %s | %s | %s | %s | %s |" % (
-            name, parameter.kind, parameter.unit, _shown(default), parameter.valid, parameter.doc))
-    return "\n".join(lines) + "\n"
+            name, parameter.kind, parameter.unit, _shown(default), valid, meaning))
+        if rest:
+            notes.append(textwrap.fill("- `~%s`: %s" % (name, rest), 118, subsequent_indent="  ",
+                                       break_long_words=False, break_on_hyphens=False))
+    return "\n".join([*lines, "", "More on some of them:", "", *notes]) + "\n"
+
+
+def _first_sentences(text: str) -> Tuple[str, str]:
+    """Split a text into the sentences that fit into a cell of a table and the rest, which may be empty."""
+    if len(text) <= _LONGEST_CELL:
+        return text, ""
+    end = text.rindex(". ", 0, _LONGEST_CELL) + 1
+    return text[:end], text[end + 1:]
 
 
 def _shown(default: Any) -> str:
     if default is None:
-        return "see meaning"
+        return "see below"
     if isinstance(default, bool):
         return "`true`" if default else "`false`"
     return "`%g`" % default if isinstance(default, float) else "`%s`" % (default if default != "" else '""')

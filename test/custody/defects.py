@@ -200,6 +200,13 @@ class IsReadyOnce(Wrapped):
         return not self.has_lost and self.good.is_ready(now)
 
 
+class ForgetsLeft(Wrapped):
+    """A driver that starts without a look at what a dead one left moving."""
+
+    def start(self, now: float, left: Any = None) -> None:
+        self.good.start(now)
+
+
 class BlindGuard(Stopping):
     """A guard that watches and does nothing."""
 
@@ -253,4 +260,5 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(WaitsForStart, "late"), Defect(IgnoresFaults, "against", "d v"), Defect(IgnoresRefusedFrames, "against"),
     Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"), Defect(RecoversTwice, "recovery"),
     Defect(LeavesMoving, "goodbye", "state"), Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
+    Defect(ForgetsLeft, "left", "a h"),
     Defect(BlindGuard, "guard", is_guard=True), Defect(GuardStopsOnce, "guard", is_guard=True))

@@ -1,46 +1,47 @@
 """The tie between promises, rules and planted defects: none of them stands alone."""
-import re
-from pathlib import Path
-
 import defects
 import promises
 import pytest
 import verdict
 
-TESTS = Path(promises.__file__).resolve().parents[1]
-TEXT = promises.PAGE.read_text()
+ALL = promises.PROMISES + promises.BEHAVIOUR
 
 
-@pytest.mark.parametrize("row", promises.rows(TEXT))
-def test_a_promise_has_a_rule_or_says_why_not(row):
-    found = [promise for promise in promises.PROMISES if row.startswith(promise.begins)]
-    assert len(found) == 1, "no entry, or several, in test/custody/promises.py for: %s" % row
-    promise = found[0]
-    assert promise.rules or (promise.live and promise.why)
-    assert bool(promise.rules) == bool(promise.defects)
-    assert bool(promise.live) == bool(promise.why)
+@pytest.mark.parametrize("promise", promises.PROMISES, ids=lambda promise: promise.id)
+def test_what_is_promised_has_its_rule_and_a_planted_defect_that_it_finds(promise):
+    assert not promises.faults_of(promise)
+    assert bool(promise.live) == bool(promise.why) and set(promise.live) <= set(promise.tests)
 
 
-def test_no_entry_without_its_promise():
-    rows = promises.rows(TEXT)
-    assert [one.begins for one in promises.PROMISES if not any(row.startswith(one.begins) for row in rows)] == []
+@pytest.mark.parametrize("entry", promises.BEHAVIOUR, ids=lambda entry: entry.id)
+def test_what_is_not_promised_says_why_no_rule_can_judge_it(entry):
+    assert entry.why and entry.tests and not entry.rules and not entry.defects
 
 
-@pytest.mark.parametrize("promise", promises.PROMISES, ids=lambda promise: promise.begins)
-def test_the_defects_of_a_promise_are_found_by_its_rules(promise):
-    broken = {promises.rule_of(name) for name in promise.defects.split()}
-    assert broken <= set(promise.rules.split())
-    assert broken or not promise.rules
+@pytest.mark.parametrize("change, fault", [
+    ({"rules": ()}, "no rule of the simulation"),
+    ({"defects": ()}, "no planted defect"),
+    ({"rules": ("no such",)}, "no rule no such"),
+    ({"defects": ("NoSuch",)}, "no planted defect NoSuch"),
+    ({"defects": ("JogsOn",)}, "JogsOn is found by rule c, which is not among its rules"),
+])
+def test_a_promise_without_its_rule_or_its_defect_is_noticed(change, fault):
+    good = promises.PROMISES[0]
+    assert fault in promises.faults_of(good._replace(**change)) and not promises.faults_of(good)
 
 
-@pytest.mark.parametrize("promise", [one for one in promises.PROMISES if one.live], ids=lambda one: one.begins)
-def test_live_tests_exist(promise):
-    known = {name for path in TESTS.rglob("test_*.py") for name in re.findall(r"def (test_\w+)", path.read_text())}
-    assert set(promise.live.split()) <= known
+def test_the_first_screen_promises_ten_things_and_nothing_that_has_no_rule():
+    promised = {promise.id for promise in promises.PROMISES}
+    assert len(promises.IN_SHORT) == 10
+    assert all(ids and set(ids) <= promised for _, ids in promises.IN_SHORT)
+
+
+def test_each_entry_has_its_own_name():
+    assert len({entry.id for entry in ALL}) == len({entry.title for entry in ALL}) == len(ALL) > 30
 
 
 def test_every_rule_serves_a_promise_or_says_what_for():
-    used = {rule for promise in promises.PROMISES for rule in promise.rules.split()}
+    used = {rule for promise in promises.PROMISES for rule in promise.rules}
     assert used | set(promises.BESIDES) == set(verdict.RULES)
     assert not used & set(promises.BESIDES)
 
@@ -49,5 +50,6 @@ def test_every_rule_has_a_planted_defect():
     assert {defect.rule for defect in defects.DEFECTS} == set(verdict.RULES)
 
 
-def test_the_page_has_the_table():
-    assert promises.written(TEXT) == TEXT, "build/venv/bin/python3 test/custody/promises.py writes it"
+def test_the_page_says_what_the_data_says():
+    text = promises.PAGE.read_text(encoding="utf-8")
+    assert promises.written(text) == text, "build/venv/bin/python3 test/custody/promises.py writes it"

@@ -464,6 +464,6 @@ class World:
         if self._driver.is_gone and not self._is_over:
             self.note("a driver starts")
             self._driver = self._new_driver()
-            self._judge.starts(self._clock.now)
+            self._judge.starts(self._disk.left is not None, self._clock.now)
             self._clients.has_driver(self._driver)
             self._driver.start()

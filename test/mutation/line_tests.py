@@ -24,11 +24,11 @@ RECORDED = ("test/client", "test/kinematics", "test/trajectory", "test/custody/t
 _SEEDS = re.compile(r"test_no_seed_breaks_a_rule\[(\d+)\]")
 _SLOW = ("test/ros/pages/", "test/ros/panel", "test/trajectory/test_planner.py", "test/kinematics/test_oracle.py")
 LIVE: Dict[str, Tuple[str, ...]] = {
-    "client/arm_stopper.py": ("test/client/test_guard.py",),
-    "client/driver_pipe.py": ("test/client/test_guard.py",),
-    "client/guard.py": ("test/client/test_guard.py",),
-    "client/guard_post.py": ("test/client/test_guard.py",),
-    "client/guard_process.py": ("test/client/test_guard.py",),
+    "client/arm_stopper.py": ("test/client/guard/test_guard.py",),
+    "client/driver_pipe.py": ("test/client/guard/test_guard.py",),
+    "client/guard.py": ("test/client/guard/test_guard.py",),
+    "client/guard_post.py": ("test/client/guard/test_guard.py",),
+    "client/guard_process.py": ("test/client/guard/test_guard.py",),
     "ros/action_server.py": ("test/ros/services/test_action_server.py",),
     "ros/connections.py": ("test/ros/test_connections.py",),
     "ros/convert.py": ("test/ros/services/test_services.py", "test/ros/topics/test_publishing.py"),

@@ -1,6 +1,7 @@
 """The tables of docs/simulation.md, which are made from the code; ``WRITE_ANEW`` writes them anew."""
 import json
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,21 @@ DEEPER = ("controller/test_states", "controller/test_content",
           "controller/test_sdk_client", "server/test_panel", "server/test_server",
           "controller/test_link_loss", "test_identity")
 WRITE_ANEW = "PYTHONPATH=.:test/support build/venv/bin/python3 test/simulation/test_documentation.py"
+LONGEST_CELL = 120
 BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
 
 
 def table(heads, rows):
+    """Return a table; what is too long for a cell stands in a list below it."""
+    notes = []
+    for row in rows:
+        for column, cell in enumerate(row):
+            if len(cell) > LONGEST_CELL:
+                notes.append(textwrap.fill("- %s, %s: %s" % (row[0], heads[column], cell), 118, subsequent_indent="  ",
+                                           break_long_words=False, break_on_hyphens=False))
+                row[column] = "see below"
     lines = ["| %s |" % " | ".join(row) for row in [heads, ["---"] * len(heads), *rows]]
-    return "\n".join(line.replace("|  |", "| |") for line in lines) + "\n"
+    return "\n".join([*(line.replace("|  |", "| |") for line in lines), *([""] if notes else []), *notes]) + "\n"
 
 
 def where_tested(command):
@@ -46,7 +56,7 @@ TABLES = {
     "dimensions": lambda: table(["dimension", "what it says", "values", "default", "evidence"], [
         ["`%s`" % name, dimension.meaning, dimension.described(), default_of(dimension), dimension.evidence]
         for name, dimension in DIMENSIONS.items()]),
-    "actions": lambda: table(["action", "parameters", ""], [
+    "actions": lambda: table(["action", "parameters", "what it does"], [
         ["`%s`" % name, action.parameters, action.meaning] for name, action in ACTIONS.items()]),
     "faults": lambda: table(["kind", "parameters", "a struck message is"], [
         ["`%s`" % name, ", ".join("%s (%g)" % entry for entry in kind.defaults.items()), kind.meaning]
@@ -54,7 +64,7 @@ TABLES = {
     "commands": lambda: table(["command", "section", "tests"], [
         ["`%s`" % name, spec.section, where_tested(name)]
         for name, spec in COMMANDS.items()]),
-    "sdk": lambda: table(["command", "1.5.14", "1.7", "what is read", "evidence"], list(table_rows())),
+    "sdk": lambda: table(["command", "1.5.14", "1.7", "what is read", "evidence"], list(map(list, table_rows()))),
 }
 
 

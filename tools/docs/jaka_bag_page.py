@@ -16,8 +16,15 @@ from jaka_bag.cli.main import COMMANDS, PROGRAM, load_command, parser_of
 _HEAD = """\
 # jaka_bag: commands and options
 
-What each command and option is called here, and what `rosbag`, `mcap` and `ros2 bag` call the same. `{program} COMMAND
---help` says the same with examples. What stands behind the commands is told in [state_logs.md](state_logs.md).
+A reference for whoever knows what to do and looks for the option: what each command and option is called here, and what
+`rosbag`, `mcap` and `ros2 bag` call the same. [state_logs.md](state_logs.md) says what the commands are for and what
+stands behind them; `{program} COMMAND --help` has examples of each. With a log of yours:
+
+```sh
+{program} info --freq run.bag
+{program} convert run.bag -o again.mcap
+{program} compare run.bag again.mcap
+```
 
 This page is made from the commands themselves; after a change write it anew, in a shell that knows the build:
 `build/venv/bin/python3 tools/docs/jaka_bag_page.py > docs/jaka_bag.md`.

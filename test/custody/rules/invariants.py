@@ -90,6 +90,7 @@ class Judge:
         self._guarded_from = _NEVER
         self._guard_excused_until = clock.now
         self._end_is_due = 0.0
+        self._owes_stop = False
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
@@ -148,9 +149,13 @@ class Judge:
         if self.driver.is_moving_told and self.guard is not None:
             self._guarded_from = min(self._guarded_from, now)
 
-    def starts(self, now: float) -> None:
-        """Note that another process has been started in its place."""
+    def starts(self, has_left: bool, now: float) -> None:
+        """Note that another process has been started in its place.
+
+        ``has_left`` means that it finds what a dead one left moving.
+        """
         self._begin_anew()
+        self._owes_stop = has_left
         self._excused_until = now + self._relink
 
     def guard_sends(self, data: bytes, now: float) -> None:
@@ -247,8 +252,11 @@ class Judge:
             name = request["cmdName"]
             self.motion.sends(request, now)
             if name == "stop_program":
+                self._owes_stop = False
                 self._stop_wanted_at = min(self._stop_wanted_at, now)
             elif is_motion(request):
+                if self._owes_stop:
+                    raise RuleBroken("left", now, "%s is sent before a stop of what a dead driver left moving" % name)
                 self._stop_wanted_at = _NEVER
                 if name == "jog":
                     self._jog_word_at = max(self._jog_word_at, now)

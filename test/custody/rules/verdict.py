@@ -14,6 +14,7 @@ RULES: Dict[str, str] = {
     "j": "the arm does not move unseen",
     "k": "an arm at rest is free again",
     "l": "when all is well, the driver is ready again",
+    "left": "what a dead driver left moving is stopped by the first request of the next one that could move the arm",
     "m": "a motion that the driver began to stop comes to rest, however often the stop is refused or lost",
     "n": "a controller with another identity than the one asked for is left alone",
     "p": "a paused motion rests until it is resumed",

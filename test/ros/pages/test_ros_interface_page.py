@@ -82,7 +82,7 @@ def test_each_command_of_the_page(shell, arm):
             if "move_path/" in line:
                 until(lambda line=line: arm.simulator.is_moving() is ("goal" in line), lambda: "it moves, or rests")
             ran.append(line)
-    assert set(ANSWERS) <= set(ran) and len(ran) == 32
+    assert set(ANSWERS) <= set(ran) and len(ran) == 34
 
 
 def test_the_tables_of_recovery_name_the_steps_of_the_code():

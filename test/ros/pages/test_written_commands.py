@@ -142,7 +142,7 @@ def run_by_python(before, python, words, target):
             raise Wrong("no file %s" % words[0])
         if words[0].startswith("test/fuzz/") and importlib.util.find_spec("atheris") is None:
             return "is there"  # by hand, with atheris
-        shell("%s test/support/parse_only.py %s" % (start, " ".join(map(quoted, words))))
+        shell("%s test/support/pages/parse_only.py %s" % (start, " ".join(map(quoted, words))))
         return "understood"
     module = words[1]
     if module.split(".")[0] in PACKAGES:

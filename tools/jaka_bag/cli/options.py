@@ -13,8 +13,7 @@ from .quantities import positive_ns, time_point
 
 _PROGRESS_S = 0.1
 _WIDTH = 24
-TIME_HELP = ("2m, 5s, 1:30 after the log's start; with a minus: before its end; absolute from 1e8 s on, and as 'info' "
-             "prints it")
+TIME_HELP = "2m, 5s, 1:30 after the log's start; -2m: before its end; absolute from 1e8 s on, and as 'info' prints it"
 
 
 def add_source(parser: argparse.ArgumentParser, output: str, metavar: str = "DST",
