@@ -24,7 +24,7 @@ def attended(work: Callable[[], T], why_end: Callable[[], Optional[str]]) -> T:
         why_end: Why not to wait any longer; None to wait.
 
     Raises:
-        ReplayStopped: With that reason.
+        ReplayStopped: There was a reason not to wait any longer; it is the error's text.
     """
     found: List[Tuple[Any, Optional[BaseException]]] = []
 

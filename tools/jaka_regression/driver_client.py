@@ -92,7 +92,7 @@ class DriverClient:
     """A ROS node that calls services of live drivers, and leaves signals alone.
 
     Args:
-        name: Of the node; a number is added.
+        name: Name of the node; a number is added.
         cancelled: Set to have what waits raise ``ReplayStopped`` at once.
         speed_share: Moves are asked for at this share of their recorded speeds.
     """

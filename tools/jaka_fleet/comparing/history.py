@@ -30,11 +30,11 @@ class Series(NamedTuple):
     Attributes:
         cell: The cell.
         name: The joint, or ``CYCLE``.
-        topic: Where it is from; empty for the cycle time.
+        topic: Topic that it is from; empty for the cycle time.
         unit: rad or s.
-        number: Of the runs that have it, from 0, shape (n,).
+        number: Numbers of the runs that have it, from 0, shape (n,).
         value: Largest difference of the joint from the golden log, or cycle time, shape (n,).
-        limit: What is allowed; of the cycle time what its change is measured by.
+        limit: Largest amount allowed; for the cycle time the amount that its change is measured by.
         slope: Trend over all runs, for each run; None for less than four.
         change: The run from which on it drifts or has jumped.
     """
@@ -107,9 +107,9 @@ class History(NamedTuple):
     """All runs.
 
     Attributes:
-        runs: In the order of time.
-        cells: By name.
-        drifts: What drifts or has jumped, the largest share of its limit first.
+        runs: Runs in the order of time.
+        cells: Cells by name.
+        drifts: Series that drift or have jumped, the largest share of its limit first.
     """
 
     runs: List[RunOutcome]

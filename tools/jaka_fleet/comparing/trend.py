@@ -68,7 +68,7 @@ class Change(NamedTuple):
         first: Number of the point, from 0.
         is_gradual: They grow or fall from there on; else they jump and stay.
         before: The level before.
-        size: How much the last value lies above it, as fitted.
+        size: Height of the last value above it, as fitted.
         noise: Standard deviation from point to point, robust.
     """
 

@@ -196,11 +196,11 @@ class _Tables:
 
     Args:
         source: The log as it was given.
-        settings: How it is added.
-        folder: Where to write.
+        settings: Settings with which it is added.
+        folder: Folder to write to.
         reader: The log, or what was recovered of it.
-        status: Of the row.
-        reason: Likewise.
+        status: Status of the row.
+        reason: Reason of the row.
     """
 
     def __init__(self, source: _Source, settings: AddSettings, folder: Path, reader: LogReader, status: str,

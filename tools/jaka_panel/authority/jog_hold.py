@@ -74,14 +74,14 @@ class Heartbeat(NamedTuple):
     """One heartbeat, its fields checked.
 
     Attributes:
-        arm: Which one.
+        arm: The arm to jog.
         hold: Number of the press of a button.
-        sequence: Rises with each heartbeat.
+        sequence: Number of the heartbeat, which rises with each.
         clock: The page's own clock, s.
         echo: The server's clock at the newest state that the page has shown, s.
         space: One of ``SPACES``.
-        share: Of the jog speed, -1 to 1 each (6,).
-        step: Way after which it is over, m or rad; None goes on.
+        share: Shares of the jog speed, -1 to 1 each (6,).
+        step: Way after which the hold is over, m or rad; None: it goes on.
     """
 
     arm: str
@@ -160,7 +160,7 @@ class JogHold:
     """One hold at a time, of the page that has control.
 
     Attributes:
-        fraction: Of the limits, 0 to 1; ``FRACTION`` whenever control changes hands.
+        fraction: Share of the limits, 0 to 1; ``FRACTION`` whenever control changes hands.
     """
 
     def __init__(self, say: Say, tell: Tell) -> None:
@@ -181,10 +181,10 @@ class JogHold:
         """Handle a heartbeat of the page that has control.
 
         Args:
-            page: Who says it.
-            beat: What it says.
+            page: The page that sent it.
+            beat: The heartbeat.
             lateness: s, by its clock, see ``Lateness``.
-            place: Where the arm is now; None where its state is not fresh.
+            place: Present place of the arm; None where its state is not fresh.
             limits: The arm's speeds.
             now: Monotonic time, s.
         """

@@ -25,8 +25,8 @@ class Description:
     """A URDF.
 
     Attributes:
-        text: As it is.
-        fingerprint: Changes with the text.
+        text: The URDF's text.
+        fingerprint: A short text that changes with it.
         joints: Limits of ``joint_1`` to ``joint_6`` as JSON has them, None where it does not tell all of them.
     """
 

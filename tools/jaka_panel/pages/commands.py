@@ -24,9 +24,9 @@ class Command(NamedTuple):
     """A command of a page.
 
     Attributes:
-        perform: Carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
-        needs_control: Else the token is enough.
-        needs_arm: It is for one arm.
+        perform: Function that carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
+        needs_control: True if the token is not enough.
+        needs_arm: True if it is for one arm.
     """
 
     perform: Perform

@@ -51,15 +51,15 @@ class Hub:
     """The state that all pages share. Everything but ``_look`` runs in the event loop.
 
     Attributes:
-        settings: What the user has set.
-        arms: By the names of their drivers.
+        settings: Settings of the user.
+        arms: Arms by the names of their drivers.
         pages: The pages that have said hello.
-        control: Who has control.
+        control: The page that has control.
         jog: The button that is held.
         calls: Calls of services.
         shelf: Plans.
         logs: Folder of logs.
-        connections: Of pages, also of those that have not said hello yet.
+        connections: Connections of pages, also of those that have not said hello yet.
     """
 
     def __init__(self, settings: Settings, finder: ArmFinder) -> None:
