@@ -25,7 +25,7 @@ A stop of this page is no emergency stop: it passes a browser, a network, this p
 
 
 class WrongSettings(ValueError):
-    """The options cannot be what is meant; the text says why."""
+    """The error of options that cannot be what is meant; the text says why."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class ReplayStopped(BagError):
-    """The replay ended before all was done; the text says why. What it had asked for may be under way."""
+    """The end of a replay before all was done; the text says why. What it had asked for may still run."""
 
 
 def attended(work: Callable[[], T], why_end: Callable[[], Optional[str]]) -> T:

@@ -16,8 +16,8 @@ class Planned(NamedTuple):
         number: Position in the plan.
         offset: Time at which it was made, s since the plan's beginning.
         after: The calls whose ends it follows, and how long after each end it comes at least, s.
-        during: The calls that were under way, and how long after the start of each it comes, s.
-        is_overlapped: Another call is made while this one is under way.
+        during: The calls that were running, and the time after the start of each at which it comes, s.
+        is_overlapped: True if another call is made while this one is running.
     """
 
     call: Call

@@ -107,7 +107,7 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
         driver: See ``record_script``.
 
     Returns:
-        The new log, and what the player says: how many requests it answered, and the names of those it could not.
+        The new log, and what the player reports: how many requests it answered, and the names of those it could not.
 
     Raises:
         BagError: The script's course depends on the driver's own clock and speed is not 1.

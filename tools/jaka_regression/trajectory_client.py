@@ -62,7 +62,7 @@ class End(NamedTuple):
     Attributes:
         succeeded: True if the arm rests at the last point.
         text: The driver's message.
-        is_known: The driver has told its end; else the arm may still be under way.
+        is_known: True if the driver has reported its end; else the arm may still be moving.
     """
 
     succeeded: bool

@@ -90,7 +90,7 @@ class Cell(NamedTuple):
 
     Attributes:
         name: The cell.
-        runs: Those that tell their time, in its order.
+        runs: Runs with a known time, in its order.
         series: The joints in their order, then the cycle time.
         joints: Margin by joint, shape (runs,); NaN where there is none.
         groups: Margin by group of checks, likewise.

@@ -33,7 +33,7 @@ class CompareSettings(NamedTuple):
         tolerances: Limits that runs must keep.
         cell: Cell of the run; empty where the log has its name, or its path.
         cell_pattern: See ``adding.AddSettings``.
-        cell_else: The cell of a log that nothing tells about.
+        cell_else: Cell of a log for which nothing else names one.
         time_scale: The run was this many times faster.
         with_page: Make the run's own report instead: a page, HTML.
     """

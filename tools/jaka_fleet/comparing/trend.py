@@ -20,7 +20,7 @@ _SURE = 10.0
 _CHANGE_SIGMA = 4.0
 _ROUNDING = 1e-9
 _END = 3
-"""A change that so few runs show is not told from outliers."""
+"""Number of runs up to which a change cannot be distinguished from outliers."""
 
 
 class Slope(NamedTuple):

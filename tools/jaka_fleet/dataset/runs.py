@@ -36,7 +36,7 @@ class TopicCount(NamedTuple):
         type: Type of its messages.
         md5sum: MD5 sum of the type's definition.
         messages: Number of messages.
-        lost: Messages known to be missing: by ``header.seq``, by what the recorder counted; None where neither tells.
+        lost: Messages known to be missing: by ``header.seq``, by what the recorder counted; None if unknown.
     """
 
     topic: str
@@ -171,7 +171,7 @@ def is_dataset(store: Store) -> bool:
 def _read(store: Store, name: str, **options: Any) -> Any:
     """Read the table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
 
-    The file is copied to memory of pyarrow's own: its threads may let go of a Python object while the program ends, and
+    The file is copied to memory of pyarrow's own: its threads may release a Python object while the program ends, and
     the program is aborted then (apache/arrow 34314).
     """
     pa, parquet = load_pyarrow()

@@ -1,4 +1,4 @@
-"""Control: one page at a time may move the arm; another one asks for it, and both are told."""
+"""Control: one page at a time may move the arm; another one asks for it, and both are notified."""
 from typing import NamedTuple, Optional
 
 ANSWER_S = 10.0

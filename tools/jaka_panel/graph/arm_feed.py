@@ -1,7 +1,7 @@
 """The subscriptions to one driver: the newest of each state, and every event.
 
 rospy calls back in threads of its own, which only put raw messages down here; they are read in the thread that asks
-(``state``, ``take_plots``, ``take_news``), as often as pages are told, and not for every message.
+(``state``, ``take_plots``, ``take_news``), as often as pages are sent to, and not for every message.
 """
 import logging
 import math

@@ -25,7 +25,7 @@ _DEFAULT_ACCELERATION = 0.5
 
 
 class WrongRequest(ValueError):
-    """A page asks for something that cannot be understood; the text says what is valid."""
+    """A request that cannot be understood; the text says what is valid."""
 
 
 class Outcome(NamedTuple):

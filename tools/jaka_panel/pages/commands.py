@@ -35,7 +35,7 @@ class Command(NamedTuple):
 
 
 async def answer_to(hub: Hub, page: Session, message: Args) -> Outcome:
-    """Carry out a command that the page may ask for; whatever goes wrong is told in the outcome."""
+    """Carry out a command that the page may ask for; whatever goes wrong is reported in the outcome."""
     command = COMMANDS[str(message.get("cmd"))]
     args = message.get("args", {})
     desk = hub.arms.get(str(message.get("arm")))

@@ -36,7 +36,7 @@ class Session:
         lateness: Delay of its messages.
         budget: Rate limiter of its messages.
         costly: Rate limiter of the messages whose answers are costly.
-        waiting: Commands that are under way.
+        waiting: Commands that are running.
         is_too_slow: True if it does not take what it is sent.
     """
 

@@ -9,7 +9,7 @@ _LONGEST_S = 3600.0
 
 
 class WrongPlan(ValueError):
-    """The points make no plan; the text says why."""
+    """The error of points that make no plan; the text says why."""
 
 
 class Plan(NamedTuple):

@@ -29,7 +29,7 @@ class AlarmBook:
         Args:
             wall: Seconds since the epoch.
             number: The controller's number of the event.
-            text: Empty where it is not known yet; it may be told later.
+            text: Text of the event; empty where it is not known yet: it may come later.
             is_alarm: True if it stops the arm; else it is a note or a warning.
         """
         current, changed = self._event, []

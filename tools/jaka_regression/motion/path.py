@@ -98,7 +98,7 @@ class Smoothed(NamedTuple):
         path: The smooth path.
         log_time: Times at which its grid's points were recorded, s since the log's first message (n,).
         recorded: The measured joints there, rad (n, 6).
-        deviation: Largest distance of the way from them, rad.
+        deviation: Largest distance of the path from them, rad.
         noise: Standard deviation of the measurement, rad.
         cutoff: Cut-off of the filter, Hz.
         cut: Standstill that was cut: before, inside, behind, s.

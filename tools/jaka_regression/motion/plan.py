@@ -36,7 +36,7 @@ class MotionPlan(NamedTuple):
         solver: The package that gave it its times.
         factor: Factor of the recorded speed, as asked for.
         time: Times of the points, s from the start (n,).
-        place: Recorded time at the points, s since the way's begin (n,).
+        place: Recorded time at the points, s since the path's begin (n,).
         position, velocity, acceleration: rad, rad/s, rad/s2, (n, 6) each; at rest at both ends.
         slowest: Smallest share of the speed asked for that the arm goes at; 1 where nothing was too fast.
         slowest_at: Time at which that was recorded, s since the log's first message.

@@ -1,7 +1,7 @@
 """The speed along a path: as recorded, times a factor, and slower where the arm could not follow.
 
 With toppra only the stretches that are too fast are slowed down; with ruckig alone the whole way is, to what its
-fastest moment needs. The way itself is the same with both.
+fastest moment needs. The path itself is the same with both.
 """
 import importlib
 import logging
@@ -67,7 +67,7 @@ def time_law(path: SmoothPath, limits: ArmLimits, factor: float, solver: str) ->
 
     Args:
         path: The smooth path.
-        limits: Speeds and accelerations that are not exceeded, but for what the sampling of the way hides.
+        limits: Speeds and accelerations that are not exceeded, but for what the sampling of the path hides.
         factor: Factor of the recorded speed.
         solver: One of ``SOLVERS``.
 
