@@ -64,7 +64,7 @@ def check(name: str, attempt: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def running(*command: str, log: str) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run a program beside this one; it is told to end with the context, and must."""
+    """Run a program beside this one; it is asked to end with the context, and must."""
     with open(log, "wb") as file:
         process = subprocess.Popen(command, env=ENVIRONMENT, stdin=subprocess.DEVNULL, stdout=file,
                                    stderr=subprocess.STDOUT)

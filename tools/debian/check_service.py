@@ -72,7 +72,7 @@ def ready() -> None:
 
 @contextlib.contextmanager
 def moving() -> Iterator["subprocess.Popen[str]"]:
-    """Have the arm move for a long time; its caller is told something in the end."""
+    """Have the arm move for a long time; its caller gets an answer in the end."""
     target = 2.5 if state()["joint_position"][0] < 0 else -2.5
     with subprocess.Popen(["bash", "-c", MOVE % (target, 0.15)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           text=True) as caller:

@@ -4,11 +4,11 @@ It is a client of the drivers like any other: topics and services, nothing else.
 
 program    the program jaka_panel: options, start, end
 settings   what a user can set
-authority  who may move the arm, and while which heartbeats: pure, told events and the time
+authority  who may move the arm, and while which heartbeats: pure, fed with events and the time
 record     what is kept to be shown: curves of the joints, alarms; pure
 graph      the drivers on the ROS graph: topics, services, descriptions
 plans      motions that are drawn before they are run: points, logs
-pages      HTTP, WebSockets, what each page is told and may ask for
+pages      HTTP, WebSockets, what each page receives and may ask for
 
 docs/panel.md describes it and the protocol between page and server.
 """

@@ -25,7 +25,7 @@ A stop of this page is no emergency stop: it passes a browser, a network, this p
 
 
 class WrongSettings(ValueError):
-    """The options cannot be what is meant; the text says why."""
+    """The error of options that cannot be what is meant; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class Settings:
 
     Attributes:
         host: Address to listen on.
-        port: The first one to try.
+        port: First port to try.
         names: Host names by which the page may be called, besides loopback and addresses.
         tls: Certificate and key.
-        token: Of the commands.
-        read_only: Nothing but a stop is passed on.
+        token: Secret that a page needs to give commands.
+        read_only: True if nothing but a stop is passed on.
         logs: Folder whose logs can be replayed.
         jog_fraction: Largest share of the driver's jog limits that a page can ask for.
-        pages: So many at once.
-        simulator_port: Of the simulated controller's own panel, for the only arm; 0: as the launch file says.
+        pages: Largest number of pages at once.
+        simulator_port: The simulated controller's operator port, for the only arm; 0: as the launch file says.
     """
 
     host: str = LOOPBACK

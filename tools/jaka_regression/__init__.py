@@ -1,6 +1,6 @@
 """The replay of recorded runs, to compare them with the golden one; on jaka_bag and jaka_ros_driver.
 
-The shelf, from the ground up; a module imports only from those above it in this list:
+The modules, from the ground up; a module imports only from those above it in this list:
 
 programs           the modules that a replay starts as programs; all of them are declared there
 attended           work done in a thread, so that somebody can end the wait for it

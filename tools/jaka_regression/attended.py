@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class ReplayStopped(BagError):
-    """The replay ended before all was done; the text says why. What it had asked for may be under way."""
+    """The end of a replay before all was done; the text says why. What it had asked for may still run."""
 
 
 def attended(work: Callable[[], T], why_end: Callable[[], Optional[str]]) -> T:
@@ -24,7 +24,7 @@ def attended(work: Callable[[], T], why_end: Callable[[], Optional[str]]) -> T:
         why_end: Why not to wait any longer; None to wait.
 
     Raises:
-        ReplayStopped: With that reason.
+        ReplayStopped: There was a reason not to wait any longer; it is the error's text.
     """
     found: List[Tuple[Any, Optional[BaseException]]] = []
 

@@ -37,7 +37,7 @@ class CommandPlayer:
         cancelled: Set to stop.
 
     Attributes:
-        lateness: How much later than due each call was made, s.
+        lateness: Time by which each call was made later than due, s.
     """
 
     def __init__(self, planned: Sequence[Planned], perform: Callable[[Call], Reply],
@@ -58,7 +58,7 @@ class CommandPlayer:
         """Make all calls; returns when the last has been answered.
 
         Args:
-            begin: When the plan begins, monotonic s; None: now.
+            begin: Time at which the plan begins, monotonic s; None: now.
 
         Raises:
             ReplayStopped: A call was refused that succeeded in the log, or the replay was cancelled. This is raised at

@@ -12,12 +12,12 @@ class Planned(NamedTuple):
     """One call of the plan.
 
     Attributes:
-        call: As recorded.
+        call: Call as recorded.
         number: Position in the plan.
-        offset: When it was made, s since the plan's beginning.
+        offset: Time at which it was made, s since the plan's beginning.
         after: The calls whose ends it follows, and how long after each end it comes at least, s.
-        during: The calls that were under way, and how long after the start of each it comes, s.
-        is_overlapped: Another call is made while this one is under way.
+        during: The calls that were running, and the time after the start of each at which it comes, s.
+        is_overlapped: True if another call is made while this one is running.
     """
 
     call: Call
@@ -32,7 +32,7 @@ def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> Lis
     """Plan a log's calls.
 
     Args:
-        calls: By time of arrival.
+        calls: Calls by time of arrival.
         stretch: Times are so many times longer than recorded.
         start: Log time that the plan begins at, s.
     """
@@ -63,10 +63,10 @@ def due(planned: Planned, started: Sequence[Optional[float]], ended: Sequence[Op
 
     Args:
         planned: The call.
-        started: When each call of the plan was made; None: not yet.
-        ended: When each was answered; None: not yet.
-        begin: When the plan began.
-        after_previous: As soon as what it follows has ended, whatever its recorded time.
+        started: Times at which each call of the plan was made; None: not yet.
+        ended: Times at which each was answered; None: not yet.
+        begin: Time at which the plan began.
+        after_previous: True to make it as soon as what it follows has ended, whatever its recorded time.
     """
     moment = begin if after_previous else begin + planned.offset
     for other, gap in planned.after:

@@ -92,7 +92,7 @@ class DriverClient:
     """A ROS node that calls services of live drivers, and leaves signals alone.
 
     Args:
-        name: Of the node; a number is added.
+        name: Name of the node; a number is added.
         cancelled: Set to have what waits raise ``ReplayStopped`` at once.
         speed_share: Moves are asked for at this share of their recorded speeds.
     """
@@ -179,7 +179,7 @@ class DriverClient:
 
         Raises:
             BagError: The driver refused, or the move was not completed.
-            ReplayStopped: Cancelled meanwhile, or the call broke off: the arm may be under way.
+            ReplayStopped: Cancelled meanwhile, or the call broke off: the arm may be moving.
         """
         move = _installed("service", "jaka_msgs/Move")
         request = move._request_class(pose=joint_position, mvvelo=speed, mvacc=acceleration)
@@ -208,7 +208,7 @@ class DriverClient:
     def stop_all(self, nodes: Sequence[str]) -> List[str]:
         """Stop what drivers move, and let this client make no further call; which could not be asked to, and why.
 
-        A call under way may reach its driver after the stop. So all are stopped a second time when it has ended.
+        A running call may reach its driver after the stop. So all are stopped a second time when it has ended.
         """
         with self._changed:
             self._is_over = True

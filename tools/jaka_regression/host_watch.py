@@ -15,8 +15,8 @@ class Pause:
     """A program that wanted to run did not.
 
     Attributes:
-        ended_ns: When it ran again, ns since the epoch.
-        lasted_s: How long it waited.
+        ended_ns: Time at which it ran again, ns since the epoch.
+        lasted_s: Length of the pause, s.
     """
 
     ended_ns: int

@@ -29,11 +29,11 @@ class Program:
 
     Args:
         name: For messages, and of the file that keeps what it prints.
-        arguments: Of the interpreter, as ``-m`` and the module's name.
+        arguments: Arguments of the interpreter, as ``-m`` and the module's name.
         folder: Where that file is written.
         environment: Added to this process's own; None takes a variable out.
         on_line: Takes each line that it prints on stdout, in a thread.
-        is_service: It runs until it is told to end.
+        is_service: True if it runs until it is told to end.
 
     Attributes:
         process: The running process.

@@ -77,9 +77,9 @@ def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: 
     """Make a script happen against simulated controllers and record it; the path of the new log.
 
     Args:
-        script: What is to happen.
+        script: The actions to perform.
         folder: For the new log and for what the programs print; it exists.
-        scenario: What else is needed.
+        scenario: The arms, simulated controllers and events.
         time_scale: The simulated controllers run this many times faster, at most 10.
         driver: Arguments of the interpreter that start the driver under test.
 
@@ -99,15 +99,15 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
     """Play a recorded controller to the driver, make the script's calls among its bytes, and record.
 
     Args:
-        wire_log: Of ``jaka_sim --log`` or ``jaka_sim proxy``.
-        script: What is called and recorded.
-        folder: As of ``record_script``.
-        scenario: As of ``record_script``; its first arm is the one whose controller was recorded.
+        wire_log: Log of ``jaka_sim --log`` or ``jaka_sim proxy``.
+        script: The calls to make, and what to record.
+        folder: See ``record_script``.
+        scenario: See ``record_script``; its first arm is the one whose controller was recorded.
         speed: The bytes come this many times faster, at most 10.
-        driver: As of ``record_script``.
+        driver: See ``record_script``.
 
     Returns:
-        The new log, and what the player says: how many requests it answered, and the names of those it could not.
+        The new log, and what the player reports: how many requests it answered, and the names of those it could not.
 
     Raises:
         BagError: The script's course depends on the driver's own clock and speed is not 1.
@@ -128,9 +128,9 @@ def judge(golden: Run, candidate: Path, place: Path, limits: Tolerances, time_sc
         golden: The golden log.
         candidate: The log recorded.
         place: The folder of the reports.
-        limits: How far it may be off.
-        time_scale: As of ``record_script``.
-        host: What was noticed of the computer meanwhile; told beside a difference, and no part of the verdict.
+        limits: Limits that it must keep.
+        time_scale: See ``record_script``.
+        host: Pauses of the computer meanwhile; shown beside a difference, and no part of the verdict.
 
     Raises:
         BagError: The candidate cannot be read, or a report cannot be written.
@@ -153,7 +153,7 @@ def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] 
         folder: Made where it is not there.
         tolerances: None for those of the scenario.
         time_scale: The simulated controllers run this many times faster, at most 10.
-        scenario: What else is needed; None for the file beside the log.
+        scenario: The arms, simulated controllers and events; None for the file beside the log.
         driver: Arguments of the interpreter that start the driver under test.
 
     Raises:

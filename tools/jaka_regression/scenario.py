@@ -28,8 +28,8 @@ class Arm:
     """One arm.
 
     Attributes:
-        namespace: Of its driver, as ``/left``; empty for the root.
-        model: Of its simulated controller and of its driver.
+        namespace: Namespace of its driver, as ``/left``; empty for the root.
+        model: Model of its simulated controller and of its driver.
         simulation: Arguments of its simulated controller.
         parameters: Private parameters of its driver.
     """
@@ -46,8 +46,8 @@ class Event(NamedTuple):
     Attributes:
         arm: Namespace.
         after_call: Number of the call, from 0, that it comes after the start of; None: after the replay's beginning.
-        delay_s: How long after that, s of the golden log.
-        request: To the operator's panel of the simulated controller.
+        delay_s: Time after that, s of the golden log.
+        request: Request to the simulated controller's operator port.
     """
 
     arm: str
@@ -61,11 +61,11 @@ class Scenario:
     """The scenario that a golden log needs to be replayed.
 
     Attributes:
-        about: How the log was made.
-        licence: Of the log.
-        arms: At least one.
-        events: In the order of the file.
-        tolerances: Where they differ from the defaults.
+        about: Account of how the log was made.
+        licence: Licence of the log.
+        arms: Arms, at least one.
+        events: Events in the order of the file.
+        tolerances: Tolerances that differ from the defaults.
     """
 
     about: str = ""

@@ -27,9 +27,9 @@ class Script:
     Attributes:
         log: A log with the calls; None where there are none.
         calls: The calls in it.
-        duration: s, from its beginning.
-        topics: What is recorded.
-        start_ns: When the log began, ns since the epoch.
+        duration: Length of the script, s.
+        topics: Topics to record.
+        start_ns: Time at which the log began, ns since the epoch.
     """
 
     log: Optional[str]

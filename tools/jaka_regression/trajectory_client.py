@@ -60,9 +60,9 @@ class End(NamedTuple):
     """The end of a goal.
 
     Attributes:
-        succeeded: The arm rests at the last point.
-        text: What the driver says of it.
-        is_known: The driver has told its end; else the arm may still be under way.
+        succeeded: True if the arm rests at the last point.
+        text: The driver's message.
+        is_known: True if the driver has reported its end; else the arm may still be moving.
     """
 
     succeeded: bool
@@ -125,8 +125,8 @@ class TrajectoryClient:
         """Have the arm go along points, and wait for its rest; when cancelled, for the rest after that.
 
         Args:
-            names: Of the joints.
-            time_s: Of the points, s (n,).
+            names: Names of the joints.
+            time_s: Times of the points, s (n,).
             position: rad (n, joints).
             velocity: rad/s (n, joints).
             acceleration: rad/s2 (n, joints).

@@ -58,9 +58,9 @@ class Candidate(NamedTuple):
 
     Attributes:
         path: The log.
-        cell: Where it was recorded, as the data set tells it; empty where it does not.
-        cell_else: Its cell where nothing else tells it.
-        unreadable: Why it cannot be compared, as the data set tells it; empty where it may be.
+        cell: Cell that the data set names; empty where it names none.
+        cell_else: Its cell where nothing else names one.
+        unreadable: Reason in the data set why it cannot be compared; empty where it may be.
     """
 
     path: str

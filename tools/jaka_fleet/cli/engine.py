@@ -1,4 +1,4 @@
-"""Options that say where the tasks of many logs are done, and how far they are."""
+"""Options that choose where the tasks of many logs are done, and how far they are."""
 import argparse
 import os
 from typing import Sequence
@@ -39,17 +39,17 @@ def for_workers(args: argparse.Namespace, location: str) -> str:
 
 def work_through(function: LogFunction, tasks: Sequence[LogTask], engine: Engine, report: Report,
                  on_result: OnResult) -> Tally:
-    """Do all tasks with a progress bar (rate, time left); failed ones are told at once, the tally at the end.
+    """Do all tasks with a progress bar (rate, time left); failed ones are reported at once, the tally at the end.
 
     Args:
         function: See ``run_tasks``.
         tasks: The size of those whose path is a file here makes the bar's length.
-        engine: Where.
-        report: Where to tell.
+        engine: Engine that does them.
+        report: Output for people and programs.
         on_result: Is given each result.
 
     Raises:
-        BagError: The engine cannot be reached, or was lost; what is left is told before.
+        BagError: The engine cannot be reached, or was lost; what is left is reported before.
         KeyboardInterrupt: Likewise.
     """
     tally = Tally(len(tasks))

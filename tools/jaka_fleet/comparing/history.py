@@ -30,11 +30,11 @@ class Series(NamedTuple):
     Attributes:
         cell: The cell.
         name: The joint, or ``CYCLE``.
-        topic: Where it is from; empty for the cycle time.
+        topic: Topic that it is from; empty for the cycle time.
         unit: rad or s.
-        number: Of the runs that have it, from 0, shape (n,).
+        number: Numbers of the runs that have it, from 0, shape (n,).
         value: Largest difference of the joint from the golden log, or cycle time, shape (n,).
-        limit: What is allowed; of the cycle time what its change is measured by.
+        limit: Largest amount allowed; for the cycle time the amount that its change is measured by.
         slope: Trend over all runs, for each run; None for less than four.
         change: The run from which on it drifts or has jumped.
     """
@@ -90,7 +90,7 @@ class Cell(NamedTuple):
 
     Attributes:
         name: The cell.
-        runs: Those that tell their time, in its order.
+        runs: Runs with a known time, in its order.
         series: The joints in their order, then the cycle time.
         joints: Margin by joint, shape (runs,); NaN where there is none.
         groups: Margin by group of checks, likewise.
@@ -107,9 +107,9 @@ class History(NamedTuple):
     """All runs.
 
     Attributes:
-        runs: In the order of time.
-        cells: By name.
-        drifts: What drifts or has jumped, the largest share of its limit first.
+        runs: Runs in the order of time.
+        cells: Cells by name.
+        drifts: Series that drift or have jumped, the largest share of its limit first.
     """
 
     runs: List[RunOutcome]

@@ -1,4 +1,4 @@
-"""Many runs against one golden log as JUnit XML: a test case for each run; a drift is told and fails nothing."""
+"""Many runs against one golden log as JUnit XML: a test case for each run; a drift is reported and fails nothing."""
 from jaka_bag.compare.report.junit import Case, junit
 from jaka_bag.compare.report.text import check_line
 

@@ -12,17 +12,17 @@ class CheckOutcome(NamedTuple):
     """One check of one run; see ``compare.verdict.Check``.
 
     Attributes:
-        aspect: Which check.
+        aspect: Kind of the check.
         topic: Topic, arm or service.
         field: Field or joint.
         outcome: ``same``, ``different``, ``not compared``, or ``cannot be told`` of one that is judged again.
         margin: How near to its limit: 1 is the limit, more is different; infinite where something differs that has no
             amount, None where it was not compared.
-        measured: In ``unit``; None where the check is not about an amount.
-        limit: In ``unit``.
-        unit: Of both.
+        measured: Measured amount, in ``unit``; None where the check is not about an amount.
+        limit: Largest amount allowed, in ``unit``.
+        unit: Unit of both amounts.
         at: Golden time of the worst moment, s.
-        detail: What was seen, of checks whose outcome is not ``same``.
+        detail: Observation, of checks whose outcome is not ``same``.
         golden: The golden value there, likewise.
         candidate: The run's value there.
         evidence: See ``Check.evidence``.
@@ -63,19 +63,19 @@ class RunOutcome(NamedTuple):
     Attributes:
         run: SHA-256 of the log, hex; empty where it could not be read.
         path: The log.
-        cell: Where it was recorded.
+        cell: Cell in which it was recorded.
         size: Bytes.
-        mtime_ns: When the file was changed, ns since the epoch.
+        mtime_ns: Time of the file's last change, ns since the epoch.
         start_ns: Log time of the first message, ns since the epoch.
-        duration: s.
+        duration: Length of the log, s.
         verdict: ``SAME``, ``DIFFERENT``, ``UNKNOWN`` or ``NOT_COMPARED``.
         reason: Why it was not compared, or what is different.
         margin: The largest of the checks; None where it was not compared.
-        worst: The check that it is of.
-        lag: How much later the run is in its log than in the golden one, s.
-        cycle: From the begin of the first motion to the end of the last, s; None where nothing moves.
-        course: By decision, for which limits the amounts hold; see ``compare.course``.
-        checks: In the order in which they were made.
+        worst: The check that has the largest margin.
+        lag: Time by which the run is later in its log than in the golden one, s.
+        cycle: Time from the begin of the first motion to the end of the last, s; None where nothing moves.
+        course: Limits for which the amounts hold, by decision; see ``compare.course``.
+        checks: Checks in the order in which they were made.
     """
 
     run: str

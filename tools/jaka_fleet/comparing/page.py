@@ -255,8 +255,8 @@ def as_page(history: History, setup: Setup, against: str, reports: Mapping[str, 
 
     Args:
         history: All runs.
-        setup: What they were compared with.
-        against: Where they are, for people.
+        setup: Conditions of their comparison.
+        against: Their place, for people.
         reports: Links to the reports of single runs, by ``RunOutcome.key``.
     """
     bad = history.count(SAME) != len(history.runs)

@@ -37,9 +37,9 @@ def rejudged(run: RunOutcome, tolerances: Tolerances, time_scale: float = 1.0) -
     """Return the run's outcome under other tolerances; ``needs_logs`` must be empty for them.
 
     Args:
-        run: As it was kept.
+        run: The run's outcome as it was kept.
         tolerances: The new ones.
-        time_scale: Of the comparison.
+        time_scale: Factor of time of the comparison.
     """
     if run.verdict == NOT_COMPARED:
         return run

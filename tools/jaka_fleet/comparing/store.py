@@ -34,7 +34,7 @@ class Setup(NamedTuple):
     Attributes:
         golden: The golden log.
         golden_hash: Its SHA-256, hex.
-        tolerances: How far runs may be off.
+        tolerances: Limits that runs must keep.
         time_scale: Runs were this many times faster.
     """
 
@@ -84,7 +84,7 @@ class Results:
 
     Args:
         folder: Made where it is missing.
-        setup: What the outcomes depend on.
+        setup: Conditions that the outcomes depend on.
 
     Raises:
         BagError: The folder cannot be made or written.

@@ -30,10 +30,10 @@ class CompareSettings(NamedTuple):
     Attributes:
         golden: The golden log.
         golden_hash: Its SHA-256, hex; the worker's file must have it.
-        tolerances: How far runs may be off.
-        cell: Where the run was recorded; empty where the log tells, or its path.
+        tolerances: Limits that runs must keep.
+        cell: Cell of the run; empty where the log has its name, or its path.
         cell_pattern: See ``adding.AddSettings``.
-        cell_else: The cell of a log that nothing tells about.
+        cell_else: Cell of a log for which nothing else names one.
         time_scale: The run was this many times faster.
         with_page: Make the run's own report instead: a page, HTML.
     """

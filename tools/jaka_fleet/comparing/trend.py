@@ -20,7 +20,7 @@ _SURE = 10.0
 _CHANGE_SIGMA = 4.0
 _ROUNDING = 1e-9
 _END = 3
-"""A change that so few runs show is not told from outliers."""
+"""Number of runs up to which a change cannot be distinguished from outliers."""
 
 
 class Slope(NamedTuple):
@@ -68,7 +68,7 @@ class Change(NamedTuple):
         first: Number of the point, from 0.
         is_gradual: They grow or fall from there on; else they jump and stay.
         before: The level before.
-        size: How much the last value lies above it, as fitted.
+        size: Height of the last value above it, as fitted.
         noise: Standard deviation from point to point, robust.
     """
 

@@ -48,7 +48,7 @@ from .store import Staging, open_store
 
 SUFFIXES = (".bag", ".mcap", ".bag.active", ".mcap.active")
 UNNAMED = "unnamed"
-"""The cell of a log that nothing tells about."""
+"""The cell of a log for which nothing names one."""
 _HASH_PIECE = 1 << 20
 _HASH_LENGTH = 12
 _SEQUENCE = "header.seq"
@@ -60,7 +60,7 @@ class AddSettings(NamedTuple):
 
     Attributes:
         location: The data set: a folder or URL, as the workers name it.
-        cell: Name of the cell for all logs; empty where the next, or the log itself, tells it.
+        cell: Name of the cell for all logs; empty where the next, or the log itself, names it.
         cell_pattern: Regular expression, searched for in the log's path; its first group is the cell.
         is_again: Read logs again that are listed as unreadable.
     """
@@ -196,11 +196,11 @@ class _Tables:
 
     Args:
         source: The log as it was given.
-        settings: How it is added.
-        folder: Where to write.
+        settings: Settings with which it is added.
+        folder: Folder to write to.
         reader: The log, or what was recovered of it.
-        status: Of the row.
-        reason: Likewise.
+        status: Status of the row.
+        reason: Reason of the row.
     """
 
     def __init__(self, source: _Source, settings: AddSettings, folder: Path, reader: LogReader, status: str,

@@ -27,12 +27,12 @@ class LogFacts(NamedTuple):
     """The facts found in a log; a text is empty where the log does not have it.
 
     Attributes:
-        cell: Where it was recorded.
-        arm_model: As ``zu7``.
-        controller_firmware: As the controller tells it.
-        driver_version: Of the driver.
-        triggers: Of a black box, by time.
-        lost: By topic, messages that the recorder knows to be lost.
+        cell: Cell in which it was recorded.
+        arm_model: Model of the arm, as ``zu7``.
+        controller_firmware: Version that the controller reports.
+        driver_version: Version of the driver.
+        triggers: Triggers of a black box, by time.
+        lost: Number of messages that the recorder knows to be lost, by topic.
     """
 
     cell: str

@@ -32,11 +32,11 @@ class TopicCount(NamedTuple):
     """One topic of a log.
 
     Attributes:
-        topic: Its name.
+        topic: Name of the topic.
         type: Type of its messages.
-        md5sum: Of the type's definition.
-        messages: How many.
-        lost: Messages known to be missing: by ``header.seq``, by what the recorder counted; None where neither tells.
+        md5sum: MD5 sum of the type's definition.
+        messages: Number of messages.
+        lost: Messages known to be missing: by ``header.seq``, by what the recorder counted; None if unknown.
     """
 
     topic: str
@@ -60,20 +60,20 @@ class RunRow(NamedTuple):
     Attributes:
         hash: SHA-256 of the file, hexadecimal; no two rows have the same.
         run: Start and beginning of the hash; with the cell it names the log's files.
-        cell: Where it was recorded.
+        cell: Cell in which it was recorded.
         status: ``WHOLE``, ``RECOVERED`` (what could be read of it is in) or ``UNREADABLE`` (nothing is).
         reason: Why it is not whole; which topics were left out.
-        arm_model: As ``zu7``; empty where the log does not tell, as the two that follow.
-        controller_firmware: As the controller tells it.
-        driver_version: Of the driver.
+        arm_model: Model of the arm, as ``zu7``; empty where the log does not name it, as the two that follow.
+        controller_firmware: Version that the controller reports.
+        driver_version: Version of the driver.
         start: First log time, ns since the epoch; None where there are no messages.
-        duration: From the first to the last log time, s.
-        messages: In all topics.
+        duration: Time from the first to the last log time, s.
+        messages: Number of messages in all topics.
         lost: Messages known to be missing, in all topics.
-        topics: By name.
-        triggers: By time.
+        topics: Topics by name.
+        triggers: Triggers by time.
         path: The log, as it was named when it was added.
-        size: Bytes of it.
+        size: Size of the log, bytes.
     """
 
     hash: str
@@ -138,7 +138,7 @@ def check_version(store: Store, is_to_be_made: bool = False) -> None:
 
     Args:
         store: The data set.
-        is_to_be_made: It may be made here.
+        is_to_be_made: True if it may be made here.
 
     Raises:
         BagError: It is of another version, or there is none.
@@ -171,7 +171,7 @@ def is_dataset(store: Store) -> bool:
 def _read(store: Store, name: str, **options: Any) -> Any:
     """Read the table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
 
-    The file is copied to memory of pyarrow's own: its threads may let go of a Python object while the program ends, and
+    The file is copied to memory of pyarrow's own: its threads may release a Python object while the program ends, and
     the program is aborted then (apache/arrow 34314).
     """
     pa, parquet = load_pyarrow()

@@ -28,7 +28,7 @@ class Staging:
     """A folder for files that are to be published together.
 
     Attributes:
-        folder: Where to make them.
+        folder: Folder to make them in.
         is_unfinished: Some may have their names, and the last has not: the folder is kept, so that it tells which.
     """
 
@@ -71,7 +71,7 @@ class Store:
     """A data set's files; their names are relative, with ``/``.
 
     Attributes:
-        location: As the user gave it.
+        location: Folder or URL as the user gave it.
     """
 
     def __init__(self, location: str) -> None:

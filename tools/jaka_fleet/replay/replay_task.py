@@ -35,7 +35,7 @@ class ReplaySettings(NamedTuple):
         driver: The driver under test.
         tolerances: YAML text; None for those of the scenario.
         time_scale: Simulated controllers run this many times faster.
-        duration_s: Of the log.
+        duration_s: Length of the log, s.
     """
 
     log: bytes
@@ -50,11 +50,11 @@ class ReplayOutcome(NamedTuple):
     """The result of a replay.
 
     Attributes:
-        same: The driver did what the golden log shows.
+        same: True if the driver did what the golden log shows.
         headline: The verdict in one line.
         summary: The verdict and the differences.
         differences: Names of the checks that failed, the worst first.
-        files: By name: reports, the new log, and, where it is not the same, what the programs printed.
+        files: Files by name: reports, the new log, and, where it is not the same, what the programs printed.
     """
 
     same: bool

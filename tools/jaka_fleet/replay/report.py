@@ -14,7 +14,7 @@ class Replayed(NamedTuple):
     """One golden log.
 
     Attributes:
-        name: Of its folder among the reports.
+        name: Name of its folder among the reports.
         path: The log.
         outcome: None where it could not be replayed.
         reason: Why not.
@@ -88,7 +88,7 @@ def as_page(replays: Sequence[Replayed], driver: str, seconds: float) -> str:
 
     Args:
         replays: All of them.
-        driver: What was judged.
+        driver: Driver that was judged.
         seconds: Wall time of all, s.
     """
     is_good = all(one.verdict == "same" for one in replays)

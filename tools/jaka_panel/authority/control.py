@@ -1,4 +1,4 @@
-"""Control: one page at a time may move the arm; another one asks for it, and both are told."""
+"""Control: one page at a time may move the arm; another one asks for it, and both are notified."""
 from typing import NamedTuple, Optional
 
 ANSWER_S = 10.0
@@ -6,7 +6,7 @@ ANSWER_S = 10.0
 
 
 class Asked(NamedTuple):
-    """A page asks for control until a moment, monotonic time, s."""
+    """A page's request for control, pending until a moment, monotonic time, s."""
 
     page: str
     until: float
@@ -17,7 +17,7 @@ class Control:
 
     Attributes:
         holder: The page that has control, None where nobody has.
-        asked: Who asks the holder for it.
+        asked: The pending request to the holder; None where there is none.
     """
 
     def __init__(self) -> None:

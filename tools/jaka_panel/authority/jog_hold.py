@@ -2,7 +2,7 @@
 
 One message goes to the driver for each heartbeat that counts, and none without: whatever stops the heartbeats, the
 page, the network or this process, stops the arm by the driver's own freshness of 0.2 s (docs/velocity_jog.md). Where
-this process is alive it says zero before that, when no heartbeat has counted for ``MISSED_S``.
+this process is alive it publishes zero before that, when no heartbeat has counted for ``MISSED_S``.
 
 A hold, one press of a button, that has ended is dead: its later heartbeats count nothing, so that nothing resumes.
 """
@@ -74,14 +74,14 @@ class Heartbeat(NamedTuple):
     """One heartbeat, its fields checked.
 
     Attributes:
-        arm: Which one.
+        arm: The arm to jog.
         hold: Number of the press of a button.
-        sequence: Rises with each heartbeat.
+        sequence: Number of the heartbeat, which rises with each.
         clock: The page's own clock, s.
         echo: The server's clock at the newest state that the page has shown, s.
         space: One of ``SPACES``.
-        share: Of the jog speed, -1 to 1 each (6,).
-        step: Way after which it is over, m or rad; None goes on.
+        share: Shares of the jog speed, -1 to 1 each (6,).
+        step: Way after which the hold is over, m or rad; None: it goes on.
     """
 
     arm: str
@@ -160,7 +160,7 @@ class JogHold:
     """One hold at a time, of the page that has control.
 
     Attributes:
-        fraction: Of the limits, 0 to 1; ``FRACTION`` whenever control changes hands.
+        fraction: Share of the limits, 0 to 1; ``FRACTION`` whenever control changes hands.
     """
 
     def __init__(self, say: Say, tell: Tell) -> None:
@@ -181,10 +181,10 @@ class JogHold:
         """Handle a heartbeat of the page that has control.
 
         Args:
-            page: Who says it.
-            beat: What it says.
+            page: The page that sent it.
+            beat: The heartbeat.
             lateness: s, by its clock, see ``Lateness``.
-            place: Where the arm is now; None where its state is not fresh.
+            place: Present place of the arm; None where its state is not fresh.
             limits: The arm's speeds.
             now: Monotonic time, s.
         """
@@ -239,7 +239,7 @@ class JogHold:
             self.end("late" if self._hold.late else "missed")
 
     def end(self, why: str, arm: Optional[str] = None) -> None:
-        """End the hold, of this arm where one is named: zero is said at once, and its number is dead."""
+        """End the hold, of this arm where one is named: publish zero at once; its number is dead."""
         hold = self._hold
         if hold is None or arm not in (None, hold.arm):
             return
@@ -305,7 +305,7 @@ def _not_longer_than_1(beat: Heartbeat) -> Sequence[float]:
 
 
 def _way(hold: _Hold, beat: Heartbeat, place: Place) -> Optional[float]:
-    """Return the way along the axis of a step so far, m or rad; None if the tool's pose is not known."""
+    """Return the distance along the axis of a step so far, m or rad; None if the tool's pose is not known."""
     begin, sign = hold.begin, beat.share[beat.axis]
     assert begin is not None
     if beat.space == "joint":

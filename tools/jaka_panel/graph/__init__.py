@@ -3,7 +3,7 @@
 raw_messages   fields out of the bytes of messages that come 125 times a second
 rotations      rotation vectors, roll pitch yaw
 arms           which drivers there are, and what they offer
-arm_feed       what one driver tells: newest values, curves, events
+arm_feed       what one driver publishes: newest values, curves, events
 requests       what a page may ask for, as calls of the driver's services
 calls          calls in threads of their own, with a time limit
 stopper        the stop: its own thread and connection

@@ -1,7 +1,7 @@
 """The subscriptions to one driver: the newest of each state, and every event.
 
 rospy calls back in threads of its own, which only put raw messages down here; they are read in the thread that asks
-(``state``, ``take_plots``, ``take_news``), as often as pages are told, and not for every message.
+(``state``, ``take_plots``, ``take_news``), as often as pages are sent to, and not for every message.
 """
 import logging
 import math
@@ -61,11 +61,11 @@ class ArmFeed:
     """The topics of one driver.
 
     Attributes:
-        driver: As the master knows it.
+        driver: The driver as the master knows it.
         alarms: Alarms and notes.
         history: Curves of the joints, while somebody watches.
         simulated: True, False, or None while it is not known.
-        joints_heard_at: When the newest sample of the joints came, monotonic time, s; -1e9 before the first.
+        joints_heard_at: Reception of the newest sample of the joints, monotonic time, s; -1e9 before the first.
     """
 
     def __init__(self, driver: Driver) -> None:

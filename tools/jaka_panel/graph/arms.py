@@ -21,12 +21,12 @@ class Driver(NamedTuple):
 
     Attributes:
         node: Its name, which is the id of its arm.
-        topics: What it publishes, with the type.
-        services: What it offers.
-        action: Where it takes trajectories, without ``/goal``; None where it takes none.
+        topics: Topics that it publishes, with their types.
+        services: Services that it offers.
+        action: Name of its trajectory action, without ``/goal``; None where it has none.
         parameters: Its private parameters.
         description: URDF in its namespace or one above it; empty where there is none.
-        simulator_port: Of the simulated controller's own panel, on this computer; 0 where none is known.
+        simulator_port: The simulated controller's operator port on this computer; 0 where none is known.
     """
 
     node: str

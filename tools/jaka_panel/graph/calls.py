@@ -28,7 +28,7 @@ class Calls:
         """Run the function in a thread of its own; return what it returns, raise what it raises.
 
         Raises:
-            TooManyCalls: ``MOST_CALLS`` are under way.
+            TooManyCalls: ``MOST_CALLS`` are running.
             NoAnswer: It did not return within ``timeout``, s.
         """
         with self._lock:

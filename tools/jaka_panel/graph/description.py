@@ -25,9 +25,9 @@ class Description:
     """A URDF.
 
     Attributes:
-        text: As it is.
-        fingerprint: Changes with the text.
-        joints: Limits of ``joint_1`` to ``joint_6`` as JSON has them, None where it does not tell all of them.
+        text: The URDF's text.
+        fingerprint: A short text that changes with it.
+        joints: Limits of ``joint_1`` to ``joint_6`` as JSON has them, None where it lacks some of them.
     """
 
     def __init__(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""The driver's velocity jog topics (docs/velocity_jog.md): one message for each word that is said, stamped now."""
+"""The driver's velocity jog topics (docs/velocity_jog.md): one message for each command, stamped now."""
 from typing import Any, Dict, Sequence
 
 import geometry_msgs.msg as untyped_geometry_msgs

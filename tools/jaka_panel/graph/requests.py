@@ -25,7 +25,7 @@ _DEFAULT_ACCELERATION = 0.5
 
 
 class WrongRequest(ValueError):
-    """A page asks for something that cannot be understood; the text says what is valid."""
+    """A request that cannot be understood; the text says what is valid."""
 
 
 class Outcome(NamedTuple):
@@ -40,10 +40,10 @@ class Request(NamedTuple):
     """A request that a page may make.
 
     Attributes:
-        perform: Carries it out, in a thread that may wait; raises WrongRequest.
-        timeout: s.
-        needs_control: Else everybody may.
-        is_motion: It moves the arm, and is stopped where its page goes away.
+        perform: Function that carries it out, in a thread that may wait; raises WrongRequest.
+        timeout: Longest wait for the answer, s.
+        needs_control: True if only the page in control may make it.
+        is_motion: True if it moves the arm, which is stopped when its page goes away.
     """
 
     perform: Callable[[Driver, Mapping[str, Any]], Outcome]

@@ -1,4 +1,4 @@
-"""HTTP and WebSockets: what each page is told and may ask for. One event loop; what waits runs in threads.
+"""HTTP and WebSockets: what each page receives and may ask for. One event loop; what waits runs in threads.
 
 access          who may ask: Host, Origin, headers, the token
 files           the page's own files, and those of the arms' meshes
@@ -7,6 +7,6 @@ arm_desk        all that belongs to one arm
 hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop
 session         one page: its messages out, what it watches and moves
-conversation    what a page says, from hello to the end
+conversation    the WebSocket session of a page, from hello to the end
 server          addresses, and the end
 """

@@ -37,9 +37,9 @@ class Access:
         """Return why a request is refused, None if it is not.
 
         Args:
-            headers: Of the request, one value a name, whatever the case of the name.
-            is_socket: It opens a WebSocket, or posts: then it must have an Origin.
-            is_page: It asks for the page itself, to which a link of another site may lead.
+            headers: Headers of the request, one value a name, whatever the case of the name.
+            is_socket: True if it opens a WebSocket, or posts: then it must have an Origin.
+            is_page: True if it asks for the page itself, to which a link of another site may lead.
         """
         host = headers.get("Host", "")
         name = _name_of("//" + host)

@@ -20,12 +20,12 @@ class ArmDesk:
     """One arm, as pages see it.
 
     Attributes:
-        driver: As the master knows it.
-        feed: What it tells.
-        stopper: Its stop.
-        jog: Its jog topics.
-        is_listed: The master knows the driver.
-        has_simulator: The simulated controller's own panel answers.
+        driver: The driver as the master knows it.
+        feed: The driver's topics.
+        stopper: The driver's stop service.
+        jog: The driver's jog topics.
+        is_listed: True if the master knows the driver.
+        has_simulator: True if the simulated controller's operator port answers.
         cancels: Set to end trajectories that run.
     """
 

@@ -24,9 +24,9 @@ class Command(NamedTuple):
     """A command of a page.
 
     Attributes:
-        perform: Carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
-        needs_control: Else the token is enough.
-        needs_arm: It is for one arm.
+        perform: Function that carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
+        needs_control: True if the token is not enough.
+        needs_arm: True if it is for one arm.
     """
 
     perform: Perform
@@ -35,7 +35,7 @@ class Command(NamedTuple):
 
 
 async def answer_to(hub: Hub, page: Session, message: Args) -> Outcome:
-    """Carry out a command that the page may ask for; whatever goes wrong is told in the outcome."""
+    """Carry out a command that the page may ask for; whatever goes wrong is reported in the outcome."""
     command = COMMANDS[str(message.get("cmd"))]
     args = message.get("args", {})
     desk = hub.arms.get(str(message.get("arm")))

@@ -33,8 +33,9 @@ _JOG_LOOK_S = 0.02
 _SAMPLE_S = 0.008
 """The driver's own period: two samples of the joints are so far apart unless the controller is slow."""
 _BEHIND_S = 0.0025
-"""Pages are told so long behind a sample, so that the work for them is over when the next one comes: the driver, and a
-simulated controller on the same computer, would wait for it."""
+"""Delay of messages to pages behind a sample, s, so that the work for them is over when the next one comes: the driver,
+and a simulated controller on the same computer, would wait for it.
+"""
 
 
 def behind_a_sample(due: float, heard_at: float) -> float:
@@ -51,15 +52,15 @@ class Hub:
     """The state that all pages share. Everything but ``_look`` runs in the event loop.
 
     Attributes:
-        settings: What the user has set.
-        arms: By the names of their drivers.
+        settings: Settings of the user.
+        arms: Arms by the names of their drivers.
         pages: The pages that have said hello.
-        control: Who has control.
+        control: The page that has control.
         jog: The button that is held.
         calls: Calls of services.
-        shelf: Plans.
+        shelf: Plans that pages may run.
         logs: Folder of logs.
-        connections: Of pages, also of those that have not said hello yet.
+        connections: Connections of pages, also of those that have not said hello yet.
     """
 
     def __init__(self, settings: Settings, finder: ArmFinder) -> None:
@@ -101,7 +102,7 @@ class Hub:
             _LOG.error("a task failed", exc_info=task.exception())
 
     async def close(self) -> None:
-        """End every jog, stop what pages have set in motion, let go of the drivers."""
+        """End every jog, stop what pages have set in motion, release the drivers."""
         self.jog.end("the panel ends")
         await asyncio.gather(*(self._stop_motions(page) for page in list(self.pages.values())), return_exceptions=True)
         for page in list(self.pages.values()):
@@ -254,7 +255,7 @@ class Hub:
             desk.jog.say(velocity.space, velocity.values)
 
     async def stop(self, arm: Optional[str]) -> str:
-        """Stop one arm, or all; empty when all have stopped, else which did not say so."""
+        """Stop one arm, or all; return which did not confirm it, empty if all have stopped."""
         self.jog.end("stopped", arm)
         desks = [self.arms[arm]] if arm is not None else list(self.arms.values())
         for desk in desks:

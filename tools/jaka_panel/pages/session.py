@@ -24,20 +24,20 @@ class Session:
     """A page that is connected.
 
     Attributes:
-        id: No other page ever has it.
-        name: As it calls itself.
-        may_command: It has the token, and this is no read-only panel.
-        has_token: It has the token.
+        id: Name that no other page ever has.
+        name: Name that the page gives itself.
+        may_command: True if it has the token, and this is no read-only panel.
+        has_token: True if it has the token.
         why: Why it may not command.
-        version: Of this package.
-        watched: Arms that it is told of.
-        plots: It wants curves.
-        heard_at: When it said something last, monotonic time, s.
-        lateness: Of its messages.
-        budget: Of its messages.
-        costly: Of those whose answers are costly.
-        waiting: Commands that are under way.
-        is_too_slow: It does not take what it is told.
+        version: Version of this package.
+        watched: Arms whose messages it receives.
+        plots: True if it wants curves.
+        heard_at: Reception of its last message, monotonic time, s.
+        lateness: Delay of its messages.
+        budget: Rate limiter of its messages.
+        costly: Rate limiter of the messages whose answers are costly.
+        waiting: Commands that are running.
+        is_too_slow: True if it does not take what it is sent.
     """
 
     def __init__(self, page: str, socket: web.WebSocketResponse, transport: Optional[asyncio.BaseTransport],

@@ -9,18 +9,18 @@ _LONGEST_S = 3600.0
 
 
 class WrongPlan(ValueError):
-    """The points make no plan; the text says why."""
+    """The error of points that make no plan; the text says why."""
 
 
 class Plan(NamedTuple):
     """A trajectory of six joints.
 
     Attributes:
-        time: Of the points, s from the start, (n,).
-        position: rad, (n, 6).
-        velocity: rad/s, (n, 6), or empty rows where only positions were given.
-        acceleration: rad/s2, likewise.
-        warnings: What a user should know.
+        time: Times of the points, s from the start, (n,).
+        position: Joints at the points, rad, (n, 6).
+        velocity: Their velocities, rad/s, (n, 6), or empty rows where only positions were given.
+        acceleration: Their accelerations, rad/s2, likewise.
+        warnings: Warnings for the user.
         begins_here: The first point is where the arm must be; else it is led there in the first point's time.
     """
 
@@ -69,7 +69,7 @@ def plan_of_points(points: Any, limits: Optional[Sequence[Mapping[str, Any]]]) -
     """Return the plan of points ``{"t": s, "q": [6], "v": [6]}``, v in all but the ends or in none; raise WrongPlan.
 
     Args:
-        points: Of a page.
+        points: Points that a page has sent.
         limits: ``lower``, ``upper``, rad, of each joint, where they are known. The driver audits the whole way again.
     """
     if not isinstance(points, list) or not 1 <= len(points) <= MOST_POINTS:

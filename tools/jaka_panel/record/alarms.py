@@ -28,9 +28,9 @@ class AlarmBook:
 
         Args:
             wall: Seconds since the epoch.
-            number: As the controller counts its events.
-            text: Empty where it is not known yet; it may be told later.
-            is_alarm: It stops the arm; else a note or a warning.
+            number: The controller's number of the event.
+            text: Text of the event; empty where it is not known yet: it may come later.
+            is_alarm: True if it stops the arm; else it is a note or a warning.
         """
         current, changed = self._event, []
         if current is not None and (number == _NO_EVENT or current["code"] != _code(number)):

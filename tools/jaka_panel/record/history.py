@@ -35,7 +35,7 @@ class History:
         Args:
             kind: One of ``KINDS``.
             begin: Monotonic time, s.
-            end: Likewise, later.
+            end: Monotonic time, s, later than ``begin``.
             buckets: 1 to ``MOST_BUCKETS``.
 
         Returns:

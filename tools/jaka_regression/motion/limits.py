@@ -29,8 +29,8 @@ class ArmLimits(NamedTuple):
         model: Name of the arm, as the URDF has it.
         low: Smallest positions, rad (6,).
         high: Largest positions, rad (6,).
-        speed: rad/s (6,).
-        acceleration: rad/s2 (6,).
+        speed: Largest speeds, rad/s (6,).
+        acceleration: Largest accelerations, rad/s2 (6,).
     """
 
     model: str

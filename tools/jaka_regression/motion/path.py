@@ -44,7 +44,7 @@ class SmoothPath:
     """Joints along an even grid of the recorded time, and between its points.
 
     Attributes:
-        step: Of the grid, s.
+        step: Step of the grid, s.
         position, velocity, acceleration: At its points, rad, rad/s, rad/s2, (n, 6) each; at rest at both ends.
     """
 
@@ -95,14 +95,14 @@ class Smoothed(NamedTuple):
     """A recording as a smooth path.
 
     Attributes:
-        path: The way.
-        log_time: When its grid's points were recorded, s since the log's first message (n,).
+        path: The smooth path.
+        log_time: Times at which its grid's points were recorded, s since the log's first message (n,).
         recorded: The measured joints there, rad (n, 6).
-        deviation: Largest distance of the way from them, rad.
+        deviation: Largest distance of the path from them, rad.
         noise: Standard deviation of the measurement, rad.
-        cutoff: Of the filter, Hz.
-        cut: How much standstill was cut: before, inside, behind, s.
-        notes: What a user should know of it.
+        cutoff: Cut-off of the filter, Hz.
+        cut: Standstill that was cut: before, inside, behind, s.
+        notes: Notes for the user.
     """
 
     path: SmoothPath
@@ -123,7 +123,7 @@ def smooth(recording: Recording, limits: Optional[ArmLimits] = None, longest_pau
         recording: The samples.
         limits: Samples a little beyond the joints' limits are taken as on them.
         longest_pause: Standstills inside are cut to this length, s; None: they stay as long as they were.
-        rest: So long the way rests at each end, s.
+        rest: Time for which the path rests at each end, s.
 
     Raises:
         BagError: The arm stands still, or the samples are no motion that a smooth way could follow.

@@ -30,16 +30,16 @@ class MotionPlan(NamedTuple):
     """A trajectory that does again what a log shows.
 
     Attributes:
-        recording: What it was made from.
-        smoothed: The way.
-        limits: Of the arm that is to go it.
+        recording: Recording that it was made from.
+        smoothed: The smooth path.
+        limits: Limits of the arm that is to follow it.
         solver: The package that gave it its times.
-        factor: Of the recorded speed, as asked for.
-        time: Of the points, s from the start (n,).
-        place: Recorded time at the points, s since the way's begin (n,).
+        factor: Factor of the recorded speed, as asked for.
+        time: Times of the points, s from the start (n,).
+        place: Recorded time at the points, s since the path's begin (n,).
         position, velocity, acceleration: rad, rad/s, rad/s2, (n, 6) each; at rest at both ends.
         slowest: Smallest share of the speed asked for that the arm goes at; 1 where nothing was too fast.
-        slowest_at: When that was recorded, s since the log's first message.
+        slowest_at: Time at which that was recorded, s since the log's first message.
     """
 
     recording: Recording
@@ -96,8 +96,8 @@ def plan_motion(recording: Recording, limits: ArmLimits, factor: float = 1.0, lo
 
     Args:
         recording: The joints.
-        limits: Of the arm.
-        factor: Of the recorded speed, above 0.
+        limits: Limits of the arm.
+        factor: Factor of the recorded speed, above 0.
         longest_pause: Standstills inside are cut to this length, s; None: kept.
         solver: ``toppra`` or ``ruckig``; None for the first that is installed.
 

@@ -36,10 +36,10 @@ class Recording(NamedTuple):
 
     Attributes:
         path: The log.
-        topic: Of the positions.
-        names: Of the joints, without a prefix: ``JOINTS``.
-        time: s since the log's first message, (n,).
-        position: rad (n, 6), joint 1 first.
+        topic: Topic of the positions.
+        names: Names of the joints, without a prefix: ``JOINTS``.
+        time: Times, s since the log's first message, (n,).
+        position: Positions, rad (n, 6), joint 1 first.
     """
 
     path: str
@@ -66,9 +66,9 @@ def recorded_joints(run: Run, topic: Optional[str] = None, start_ns: Optional[in
 
     Args:
         run: The log.
-        topic: Where the positions are; None where the log has only one place for them.
-        start_ns: From this log time on, ns since the epoch.
-        end_ns: Until this one.
+        topic: Topic of the positions; None where the log has only one.
+        start_ns: Log time of the beginning, ns since the epoch.
+        end_ns: Log time of the end, ns since the epoch.
         longest_gap: Silences up to this length are bridged, s.
 
     Raises:

@@ -1,7 +1,7 @@
 """The speed along a path: as recorded, times a factor, and slower where the arm could not follow.
 
 With toppra only the stretches that are too fast are slowed down; with ruckig alone the whole way is, to what its
-fastest moment needs. The way itself is the same with both.
+fastest moment needs. The path itself is the same with both.
 """
 import importlib
 import logging
@@ -32,7 +32,7 @@ class TimeLaw(NamedTuple):
     Attributes:
         place: Recorded time, s (n,), from 0 to the whole.
         rate: Recorded seconds for each second (n,).
-        change: Of the rate, 1/s (n,).
+        change: Change of the rate, 1/s (n,).
     """
 
     place: Array
@@ -66,9 +66,9 @@ def time_law(path: SmoothPath, limits: ArmLimits, factor: float, solver: str) ->
     """Compute the law that comes nearest to the recorded speed times a factor, within the limits.
 
     Args:
-        path: The way.
-        limits: Speeds and accelerations that are not exceeded, but for what the sampling of the way hides.
-        factor: Of the recorded speed.
+        path: The smooth path.
+        limits: Speeds and accelerations that are not exceeded, but for what the sampling of the path hides.
+        factor: Factor of the recorded speed.
         solver: One of ``SOLVERS``.
 
     Raises:
