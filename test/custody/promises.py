@@ -107,7 +107,7 @@ def rule_of(name: str) -> str:
 
 
 def faults_of(promise: Entry) -> List[str]:
-    """Say what keeps an entry from being promised: without a rule and a planted defect that it finds, nothing is."""
+    """Return what keeps an entry from being promised: without a rule and a planted defect that it finds, nothing is."""
     faults = ["no rule %s" % rule for rule in promise.rules if rule not in RULES]
     known = {defect.make.__name__ for defect in defects.DEFECTS}
     faults += ["no planted defect %s" % name for name in promise.defects if name not in known]

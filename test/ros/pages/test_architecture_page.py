@@ -1,4 +1,4 @@
-"""docs/architecture.md: the calls of a move are those of a real joint_move, own code is backed by tests."""
+"""The page docs/architecture.md: its calls of a move are those of a real joint_move, its own code is backed by tests."""
 import os
 import re
 import threading
@@ -33,7 +33,7 @@ WRITE = "JAKA_DRAW_THE_CALLS_ANEW"
 """Set in the environment, the page is written: test/support/pages/draw_calls.py does it."""
 NUMBERS = re.compile(r"(One `joint_move` passes \*\*)(\d+)( files\*\*[^:]*: )(\d+)( in the thread of\nthe caller, )"
                      r"(\d+)")
-"""Where the page says how many files a move passes: in all, in the caller's thread, in the client's."""
+"""The sentence in which the page says how many files a move passes: in all, in the caller's thread, in the client's."""
 MOVES = 3
 THREADS = ("of the caller", "of the client")
 
@@ -106,7 +106,7 @@ class Traced:
 
     @property
     def numbers(self):
-        """How many files: in all, in the caller's thread, in the client's."""
+        """Return the numbers of files: in all, in the caller's thread, in the client's."""
         both = [{file for edge in self.any[thread] for file in edge if file} for thread in THREADS]
         return (len(both[0] | both[1]), *map(len, both))
 

@@ -5,7 +5,7 @@ import threading
 
 
 class CallTracer:
-    """Records the calls of a package's functions, in the threads that follow it, while it is on.
+    """The record of the calls of a package's functions, in the threads that follow it, while it is on.
 
     Attributes:
         calls: For each thread id: for each (calling file, called file) the functions that were called, with the line of
@@ -14,7 +14,7 @@ class CallTracer:
     """
 
     def __init__(self, package):
-        """``package`` is the package's folder."""
+        """Prepare; ``package`` is the package's folder."""
         self._package = str(package) + os.sep
         self._files = {}  # by the code's own name of its file
         self._is_on = False
@@ -128,7 +128,7 @@ def drawn(lines):
 
 
 def faults_of(lines, calls):
-    """Say what a drawing shows that is not in these calls, and which files of theirs it lacks."""
+    """Return what a drawing shows that is not in these calls, and which files of theirs it lacks."""
     shown = drawn(lines)
     callers = {caller for caller, _ in calls}
     faults = []

@@ -1,4 +1,4 @@
-"""Draws the calls of a joint_move into docs/architecture.md anew, as its test sees them:
+"""A command that draws the calls of a joint_move into docs/architecture.md, as its test sees them:
 
     . build/devel/setup.bash && build/venv/bin/python3 test/support/pages/draw_calls.py
 """
