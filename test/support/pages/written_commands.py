@@ -102,7 +102,9 @@ def concrete(text: str) -> List[str]:
 
 VALUES = {"ACTION": "hit", "COMMAND": "info", "FOLDER": "/tmp/none", "N": "1", "NAME": "joint_moves",
           "TARGET": "frames", "WAY": "pointerup"}
-NUMBERS = ("CUTS", "EDGES", "MINUTES", "PRIORITY", "RECONNECTS", "REPEATS", "ROUNDS", "SECONDS", "SEED", "TRIGGERS")
+NUMBERS = (
+    "CUTS", "DIALECTS", "EDGES", "MINUTES", "PRIORITY", "RECONNECTS", "REPEATS", "ROUNDS", "SECONDS", "SEED",
+    "TRIGGERS")
 
 
 def _filled(text: str) -> str:
