@@ -14,8 +14,13 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("jaka_ros_driver", "tools", "test", "docs", "cmake")
 TO_COME = (
-    "tools/debian", "tools/docs", "tools/jaka_fleet", "tools/jaka_panel",
-    "tools/jaka_regression", "test")
+    "tools/jaka_panel",
+    "tools/jaka_fleet",
+    "tools/jaka_regression",
+    "tools/debian",
+    "tools/docs",
+    "test",
+)
 """Rooms whose docstrings are still to be put into this form; a room that has none wrong must leave this list."""
 BANNED = frozenset(
     "As At By How It Of That What When Where Whether Which Who Whose Why With "
