@@ -310,8 +310,8 @@ def markdown() -> str:
              "a launch file of your own it is a line of the node:", "", "```xml",
              '<param name="model" value="zu12"/>', "```", "",
              "The driver does not start with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would",
-             "make the default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the arm",
-             "is a simulated one.", "", "This page is made from the code with",
+             "make the default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the",
+             "arm is a simulated one.", "", "This page is made from the code with",
              "`build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     notes = []

@@ -34,7 +34,7 @@ class OutputFile:
     Args:
         path: The final name.
         overwrite: Replace a file of the final name.
-        suffix: What the working name has more than the final one.
+        suffix: Suffix of the working name.
         keep_leftover: Refuse to take over a working file that a killed program left (it may be evidence).
 
     Attributes:

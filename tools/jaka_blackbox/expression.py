@@ -96,11 +96,11 @@ class Expression:
     """A condition that a user wrote.
 
     Args:
-        text: As written.
+        text: The condition as written.
         resolve: Makes a global name of a topic's name.
 
     Attributes:
-        text: As written.
+        text: The condition as written.
         fields: The fields that it looks at.
 
     Raises:
@@ -126,7 +126,7 @@ class Expression:
         """Return whether the condition is met.
 
         Raises:
-            NoValue: That cannot be told.
+            NoValue: The condition cannot be computed.
         """
         try:
             return bool(self._value(self._tree, values))

@@ -1,4 +1,4 @@
-"""The files of a black box in their folder: names, how many are kept, what a killed one left behind."""
+"""The files of a black box in their folder: names, limits, unfinished files of a killed one."""
 import time
 from pathlib import Path
 from typing import Callable, List, NamedTuple

@@ -23,13 +23,13 @@ ITEM_BYTES = 256
 _ACCOUNT_PERIOD_S = 1.0
 _ANSWER_TIMEOUT_S = 10.0
 _MARGIN_S = 1.0
-"""Messages stay in memory for so much longer than asked for, as they may have waited before they were looked at."""
+"""Time, s, for which messages stay in memory beyond the window: they may have waited before they are examined."""
 _AFTER_MARGIN_S = 0.25
-"""A file is finished so much later than asked for: what came in time may still wait."""
+"""Delay, s, before a file is finished: messages that came in time may still wait."""
 _LARGEST_FILE = 1 << 30
 """A file that triggers keep extending ends at this size, byte; the next one goes on without a gap."""
 _MOST_RECORDS = 1000
-"""Triggers that one file tells of; more only keep it open."""
+"""Triggers that one file records; further ones only keep it open."""
 
 _Lost = Tuple[int, int, int, int]
 
@@ -79,15 +79,15 @@ class BlackBox:
     """A recorder's memory, and the files that triggers make of it. ``trigger`` may be called from any thread.
 
     Args:
-        folder: Where the files go.
-        window: How long they are.
-        watch: Says which messages are triggers.
+        folder: Folder of the files.
+        window: Extent of the files.
+        watch: Finds triggers in messages.
         open_file: Begins a file of this path without suffix, of which the account is what the function gives.
         streams: Gives all streams so far.
         clock: Time by which messages age, s.
         log_time: The log time of a message that came now, ns.
         notice: Takes a line for the user.
-        keep: How much stays in the folder.
+        keep: Limits of the files that stay in the folder.
         before_end: Called with each file before it is finished.
         after_end: Called with the path of each finished file.
 
@@ -189,9 +189,9 @@ class BlackBox:
                 self._forgotten_at = now
 
     def _set_off(self, trigger: Trigger, time_ns: int, now: float) -> bool:
-        """Begin a file, or extend the one under way; whether there is one now.
+        """Begin a file, or extend the running one; return whether there is one now.
 
-        The time behind the trigger is counted from when all that was in memory is written: what comes meanwhile waits.
+        The time after the trigger is counted from when all that was in memory is written: what comes meanwhile waits.
         """
         if self._files is None:
             self._begin(trigger, now)

@@ -22,7 +22,7 @@ class Snapshots:
 
     Args:
         recorder: The recording.
-        newest_s: How long a message stays in memory, s.
+        newest_s: Time for which a message stays in memory, s.
 
     Attributes:
         finished: Finished files, oldest first.

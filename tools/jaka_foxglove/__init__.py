@@ -3,7 +3,7 @@
 protocol         the Foxglove WebSocket protocol: bytes and text on one side, values on the other; pure
 outbox           what waits for one viewer: bounded, the newest messages win
 access           who may connect: Origin and Host
-source           what a server shows, and whom it tells
+source           the interfaces between viewers and the source that they see
 viewer           one viewer: its subscriptions and what it asks
 server           the WebSocket server, on aiohttp
 live_topics      a running graph as a source

@@ -1,8 +1,8 @@
 """The access rules of a server: browsers connect only from trusted pages, and only under a name of this server.
 
-A browser lets every web page open a WebSocket to any address, this machine included, and tells the page's origin in the
+A browser lets every web page open a WebSocket to any address, this machine included, and sends the page's origin in the
 header ``Origin``, which the page cannot change. Programs that are no browser send none. A page may also have its own
-host's name lead to this machine (DNS rebinding): then ``Host`` tells that name.
+host's name lead to this machine (DNS rebinding): then ``Host`` has that name.
 """
 import ipaddress
 from typing import FrozenSet, Iterable, Optional

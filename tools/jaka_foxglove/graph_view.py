@@ -62,7 +62,7 @@ class GraphView:
         return None if state is None else graph_update(*state)
 
     def look(self, master: RemoteNode, tell: Changes) -> None:
-        """Ask for what is watched, if it is time to, and tell what has changed.
+        """Ask for what is watched, if it is time to, and report changes.
 
         Raises:
             ConnectionLost: The master does not answer.

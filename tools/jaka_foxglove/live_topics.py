@@ -56,11 +56,11 @@ class _Stream(NamedTuple):
 
 
 class LiveTopics(Source):
-    """A running graph.
+    """The topics, services and parameters of a running graph.
 
     Args:
-        names: Who this node is.
-        options: What is shown.
+        names: Names of this node.
+        options: Selection of what to show.
         notice: Takes a line for the user.
         on_shutdown: Called with a reason when another node asks this one to end, in a thread.
     """
@@ -154,7 +154,7 @@ class LiveTopics(Source):
     # Streams, in the server's loop
 
     def _accept(self, connection: Connection) -> bool:
-        """Learn a channel from a publisher's header; whether its messages are wanted, too."""
+        """Learn a channel from a publisher's header; return whether its messages are wanted."""
         topic = connection.topic
         if not self._options.accept(connection):
             return False

@@ -1,4 +1,4 @@
-"""Logs as channels, played from their index: what is not due is not read, but for some batches ahead."""
+"""Logs as channels, played from their index: only some batches are read before they are due."""
 import asyncio
 import contextlib
 import math
@@ -20,7 +20,7 @@ _READY_POLL_S = 0.005
 _FIRST_WAIT_S = 0.5
 """Delay, s, of the playback after the first subscription: viewers subscribe one topic after the other."""
 _BUFFERING_S = 0.3
-"""Viewers are told that data are waited for when it takes longer than this."""
+"""Time, s, of waiting for data after which viewers see that the playback is buffering."""
 _TIME_STEP_NS = 1000000
 _MOST_IN_ONE_GO = 2000
 
@@ -39,9 +39,9 @@ class LogPlayback(Source):
     It stands still while nobody is subscribed to anything.
 
     Args:
-        name: What viewers show.
+        name: Name that viewers show.
         source: The logs, opened for payloads.
-        options: How they are played.
+        options: Options of the playback.
         notice: Takes a line for the user.
 
     Raises:
@@ -227,7 +227,7 @@ class LogPlayback(Source):
                     self.audience.deliver(self._numbers[message.connection], message.time, message.frame)
 
     def _step(self, now: float) -> Optional[float]:
-        """Send what is due; how long to wait then, s, None until something changes."""
+        """Send the messages that are due; return the time to wait then, s, None until something changes."""
         if self._sought is not None:
             return 0.0
         if self._is_stale and self._is_complete:

@@ -7,7 +7,7 @@ from .protocol import message_data, time_data
 _HEAD_BYTES = 128
 """Memory, byte, that a waiting message takes besides its payload, roughly."""
 MAX_ANSWERS = 1024
-"""Answers that may wait; a viewer that asks for more without reading them is let go."""
+"""Answers that may wait; a viewer that asks for more without reading them is disconnected."""
 
 Frame = Union[str, bytes]
 
@@ -53,7 +53,7 @@ class Outbox:
         return self._number
 
     def answer(self, frame: Frame) -> bool:
-        """Add what must not be lost; False where too much of that waits already."""
+        """Add a frame that must not be lost; return False where too many of them wait already."""
         if len(self._answers) >= MAX_ANSWERS:
             return False
         self._answers.append((self._next_number(), frame))

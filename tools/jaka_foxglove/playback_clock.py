@@ -12,14 +12,14 @@ class PlaybackClock:
         begin: First log time, ns.
         end: Last log time, ns.
         speed: Log seconds in a second, from ``LEAST_SPEED`` to ``MOST_SPEED``; what is beyond is cut.
-        is_playing: Whether it moves.
+        is_playing: Begin to move at once.
 
     Attributes:
         begin: First log time, ns.
         end: Last log time, ns.
         speed: Log seconds in a second.
-        is_playing: Whether it shall move.
-        is_held: Whether it stands although it shall move.
+        is_playing: The position is to move.
+        is_held: The position stands although it is to move.
     """
 
     def __init__(self, begin: int, end: int, speed: float = 1.0, is_playing: bool = True) -> None:

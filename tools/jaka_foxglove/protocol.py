@@ -42,7 +42,7 @@ class Channel(NamedTuple):
     Attributes:
         id: Its number; an equal channel keeps it.
         topic: Topic name.
-        encoding: Of the messages: ``ros1``, ``cdr``, ``json``, ...
+        encoding: Encoding of the messages: ``ros1``, ``cdr``, ``json``, ...
         schema_name: ``package/Type``.
         schema: Definition with those of all types in it; base64 where ``schema_encoding`` is a binary one.
         schema_encoding: ``ros1msg``, ``ros2msg``, ...; empty where the messages have no schema.
@@ -77,13 +77,13 @@ class Parameter(NamedTuple):
 # What viewers send
 
 class Subscribe(NamedTuple):
-    """Wants channels: (the viewer's number of the subscription, channel)."""
+    """Request to subscribe to channels: (the viewer's number of the subscription, channel)."""
 
     subscriptions: Tuple[Tuple[int, int], ...]
 
 
 class Unsubscribe(NamedTuple):
-    """Wants them no more, by the viewer's numbers."""
+    """Request to end subscriptions, by the viewer's numbers."""
 
     subscriptions: Tuple[int, ...]
 
@@ -103,14 +103,14 @@ class SetParameters(NamedTuple):
 
 
 class WatchParameters(NamedTuple):
-    """Wants to be told of changes (``is_wanted``), or no more; all parameters where ``names`` is empty."""
+    """Request to begin (``is_wanted``) or end updates of parameters; all where ``names`` is empty."""
 
     names: Tuple[str, ...]
     is_wanted: bool
 
 
 class WatchGraph(NamedTuple):
-    """Wants to be told who publishes and subscribes what, or no more."""
+    """Request to begin or end updates of the graph of publishers and subscribers."""
 
     is_wanted: bool
 

@@ -26,11 +26,11 @@ from .viewer import TooMuch, Viewer
 _HANDSHAKE_S = 10.0
 """A connection that has not become a WebSocket by then is closed."""
 _HEARTBEAT_S = 20.0
-"""A viewer is pinged this often; one that does not answer within half of it is let go."""
+"""Period, s, of pings to a viewer; one that does not answer within half of it is disconnected."""
 _CLOSING_S = 1.0
 """Time limit, s, for a viewer's answer to the close of its WebSocket."""
 _STUCK_S = 30.0
-"""A viewer that has taken nothing of what is being sent to it for so long is let go."""
+"""Time, s, after which a viewer that has read nothing of what is being sent to it is disconnected."""
 _SEND_BUFFER = 256 << 10
 """Bytes that the system keeps for a viewer: what waits there is old when it arrives, and cannot be taken back."""
 _MOST_NEW = 32

@@ -1,6 +1,6 @@
 """Services of a ROS graph, called without rospy; their definitions come from the generated Python modules.
 
-After the ROS wiki pages "ROS/TCPROS" and "ROS/Master_API". A server tells type and md5, but no definition: services of
+After the ROS wiki pages "ROS/TCPROS" and "ROS/Master_API". A server sends type and md5, but no definition: services of
 packages whose Python modules cannot be imported here are left out.
 """
 import asyncio
@@ -60,7 +60,7 @@ class _ServiceLink:
         node: Global name of the calling node.
         name: Global name of the service.
         uri: ``rosrpc://host:port``.
-        md5sum: Of the type that is meant; ``*`` for any.
+        md5sum: MD5 sum of the service's type; ``*`` for any.
         is_probe: Only the header is wanted.
 
     Attributes:
@@ -148,7 +148,7 @@ class ServiceCalls:
     # In the watching thread
 
     def look(self, master: RemoteNode, tell: Told) -> None:
-        """Ask the master for services, if it is time to, and tell what has changed.
+        """Ask the master for services, if it is time to, and report changes.
 
         Raises:
             ConnectionLost: The master does not answer.

@@ -79,7 +79,7 @@ class Source:
         """Begin."""
 
     async def close(self) -> None:
-        """End; the audience is told nothing any more."""
+        """End; nothing is sent to the audience any more."""
 
     def want(self, channels: FrozenSet[int]) -> None:
         """Set the channels that have a subscriber now."""

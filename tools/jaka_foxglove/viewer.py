@@ -1,4 +1,4 @@
-"""One viewer: its subscriptions, what it asks and what waits to be sent to it; no socket."""
+"""One viewer: its subscriptions, requests and the queue of frames for it; no socket."""
 import time
 from typing import Callable, Coroutine, Dict, FrozenSet, Mapping, Optional, Set, Tuple
 
@@ -10,7 +10,7 @@ from .protocol import Parameter, Request
 from .source import Recipient, Source
 
 _MAX_ERRORS = 32
-"""Messages not understood after which a viewer is let go."""
+"""Number of invalid messages after which a viewer is disconnected."""
 _MAX_WATCHED = 10000
 """Names of parameters that one viewer may watch."""
 _CALM_S = 5.0
@@ -20,27 +20,27 @@ _SLOW_TEXT = "messages are left out: this viewer, or the link to it, is too slow
 
 
 class TooMuch(Exception):
-    """The viewer asks for more than it may have, and is let go; the text says why."""
+    """The viewer asks for more than it may have, and is disconnected; the text gives the reason."""
 
 
 class Viewer(Recipient):
-    """One viewer.
+    """The server's side of one viewer: subscriptions, requests, messages to be sent.
 
     Args:
-        name: For notices.
-        source: What it is shown.
-        session: Of the server's start.
+        name: Name for notices.
+        source: Source that it is shown.
+        session: Identifier of the server's start.
         limit: Bytes of messages that may wait to be sent.
         wake: Called when something waits to be sent.
         changed: Called when its subscriptions or what it watches have changed.
 
     Attributes:
-        outbox: What waits to be sent.
-        watches_graph: Whether it wants to be told of the graph.
-        watches_parameters: Whether it wants to be told of changes of any parameter.
-        knows_playback: Whether it is told how a playback stands. Clients of the older subprotocol report an error for
+        outbox: Queue of frames to be sent.
+        watches_graph: The viewer watches the graph.
+        watches_parameters: The viewer watches some parameter.
+        knows_playback: The viewer is sent the playback's state. Clients of the older subprotocol report an error for
             that, unless they have controlled one.
-        sending_since: Since when a frame is being sent to it, monotonic s; None where none is.
+        sending_since: Time since which a frame is being sent to it, monotonic s; None where none is.
     """
 
     def __init__(self, name: str, source: Source, session: str, limit: int, wake: Callable[[], None],
@@ -154,10 +154,10 @@ class Viewer(Recipient):
         self.tell(protocol.status(protocol.ERROR, text))
 
     def serve(self, request: Request) -> Optional[Coroutine[None, None, None]]:
-        """Do what it asks; what takes time is returned, to be awaited.
+        """Serve a request; return the part that takes time, to be awaited.
 
         Raises:
-            TooMuch: It asks for too much.
+            TooMuch: The viewer asks for too much.
         """
         if isinstance(request, protocol.Subscribe):
             for subscription, channel in request.subscriptions:

@@ -24,7 +24,7 @@ from jaka_ros_driver.client.core.contradictions import (
     standing_cause,
 )
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
-from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
+from jaka_ros_driver.client.core.stillness import ALL_SHOWN, REST_TIME_S, Shown, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import SERVO_END_REPLY, STOP_REPLY, SetLinkLoss, whole_stop
 from jaka_ros_driver.errors import (
@@ -63,23 +63,6 @@ class _Phase(enum.Enum):
     STOPPING = "a stop is sent until it is accepted and the arm rests"
 
 
-class Shown(NamedTuple):
-    """Until when the status feed has shown what there was to be seen.
-
-    Attributes:
-        until: The feed has certainly shown this moment, s: it shows what the controller answered to a question of then.
-            Infinite where the controller's answers are not known to be those of its feed.
-        answered_until: It shows what the controller answered to a question of this moment, s; infinite where the
-            controller cannot be asked.
-    """
-
-    until: float
-    answered_until: float
-
-
-_ALL_SHOWN = Shown(_NEVER, _NEVER)
-
-
 class Custody:
     """The custody of one motion at a time; the module's first lines describe it.
 
@@ -106,7 +89,7 @@ class Custody:
         self._on_free = on_free
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
-        self._shown = _ALL_SHOWN
+        self._shown = ALL_SHOWN
         self.question_due = 0.0
         self._watch = Watch(MotionOwner.MOVE, None)
         self._phase = _Phase.FREE
@@ -246,7 +229,7 @@ class Custody:
 
     # ---- events ----
 
-    def observe(self, state: RobotState, now: float, shown: Shown = _ALL_SHOWN) -> None:
+    def observe(self, state: RobotState, now: float, shown: Shown = ALL_SHOWN) -> None:
         """Take a fresh state into account; ``shown`` says until when the feed has shown what there was to be seen."""
         self._shown = shown
         self.stillness.observe(state)

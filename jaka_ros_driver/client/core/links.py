@@ -8,11 +8,12 @@ from typing import Any, Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, PublishState
 from jaka_ros_driver.client.core.channel import CommandChannel, Introduction
-from jaka_ros_driver.client.core.custody import Custody, Shown
+from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import PortLink, Takeovers
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.steps import Running
+from jaka_ros_driver.client.core.stillness import Shown
 from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query

@@ -1,6 +1,6 @@
 """The evidence that the arm rests: its measured joints, over fresh frames."""
 from collections import deque
-from typing import Deque, Optional, Tuple
+from typing import Deque, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.state import RobotState, Vector
 
@@ -27,6 +27,23 @@ A frame that came late may show the moment after the one before it.
 """
 _KEPT_GAPS = 256
 """Most gaps kept; older ones lie more than 10 s of rest back, longer than anyone asks for."""
+
+
+class Shown(NamedTuple):
+    """Until when the status feed has shown what there was to be seen.
+
+    Attributes:
+        until: The feed has certainly shown this moment, s: it shows what the controller answered to a question of then.
+            Infinite where the controller's answers are not known to be those of its feed.
+        answered_until: It shows what the controller answered to a question of this moment, s; infinite where the
+            controller cannot be asked.
+    """
+
+    until: float
+    answered_until: float
+
+
+ALL_SHOWN = Shown(float("inf"), float("inf"))
 
 
 class Stillness:

@@ -69,7 +69,7 @@ def files_of_a_conversion(log, kind):
 
 
 def told_by_the_page():
-    """The number of files of each row of the page's table of conversions, by the beginning of the row."""
+    """Return the number of files of each row of the page's table of conversions, by the beginning of the row."""
     table = PAGE.read_text(encoding="utf-8").partition("<!-- conversions -->")[2].partition("<!-- end -->")[0]
     return {row: int(number) for row, number in re.findall(r"^(\|.*\|) (\d+) \|$", table, re.MULTILINE)}
 

@@ -1,4 +1,4 @@
-"""The page docs/architecture.md: its calls of a move are those of a real joint_move, its own code is backed by tests."""
+"""The page docs/architecture.md: its calls of a move are those of a real joint_move, own code is backed by tests."""
 import os
 import re
 import threading
@@ -106,7 +106,7 @@ class Traced:
 
     @property
     def numbers(self):
-        """Return the numbers of files: in all, in the caller's thread, in the client's."""
+        """The numbers of files: in all, in the caller's thread, in the client's."""
         both = [{file for edge in self.any[thread] for file in edge if file} for thread in THREADS]
         return (len(both[0] | both[1]), *map(len, both))
 

@@ -2,8 +2,8 @@
 
 main         the table of subcommands; runs one, turns errors into a line and an exit code; the program jaka_foxglove
 quantities   durations and sizes as users write them
-options      options that several subcommands share, and how they say what they did
-notices      what recorder and player say: lines that nobody waits for, an account as JSON
+options      options that several subcommands share, and the output of their results
+notices      the output of recorder and player: lines that nobody waits for, an account as JSON
 record, play                              the ROS graph
 info, convert, filter, merge, split       logs
 recover, export, plot, compare            logs

@@ -1,4 +1,4 @@
-"""``jaka_bag attach``: adds files and facts to a log."""
+"""``jaka_bag attach``: files and facts added to a log."""
 import argparse
 from typing import Dict, List, Sequence, Tuple
 

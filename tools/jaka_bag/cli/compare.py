@@ -1,4 +1,4 @@
-"""``jaka_bag compare``: comparing one log with a golden one.
+"""``jaka_bag compare``: the comparison of one log with a golden one.
 
 The subcommand, which compares many as well, is in ``jaka_fleet``.
 """

@@ -1,4 +1,4 @@
-"""``jaka_bag completion``: prints a completion script, made from the commands' own options."""
+"""``jaka_bag completion``: a completion script, made from the commands' own options."""
 import argparse
 from typing import Dict, Iterable, List
 
@@ -131,7 +131,7 @@ def _families(names: Iterable[str]) -> Dict[str, List[str]]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the script; the exit code."""
+    """Print the script; return the exit code."""
     options = options_by_command()
     families = _families(options)
     firsts = list(dict.fromkeys(name.split(" ")[0] for name in options))

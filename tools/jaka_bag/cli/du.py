@@ -1,4 +1,4 @@
-"""``jaka_bag du``: how many bytes each topic of a log takes."""
+"""``jaka_bag du``: the bytes of each topic of a log."""
 import argparse
 from typing import Any, Dict, List
 

@@ -1,4 +1,4 @@
-"""``jaka_bag extract``: lists and takes out the files and facts beside the messages of a log."""
+"""``jaka_bag extract``: the files and facts beside the messages of a log, listed or taken out."""
 import argparse
 
 from ..containers.registry import open_log
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """List or extract; the exit code."""
+    """List or extract attachments and metadata; return the exit code."""
     report = Report(args)
     with open_log(args.source) as reader:
         index = reader.index

@@ -1,4 +1,4 @@
-"""``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
+"""``jaka_bag info``: the content of a log, from its index alone; imports no numpy unless --freq asks for it."""
 import os
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
@@ -209,7 +209,7 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
 
 
 def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
-    """Print the facts for people; the exit code."""
+    """Print the facts for people; return the exit code."""
     rule = ""
 
     def show(path: str) -> None:
@@ -221,7 +221,7 @@ def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> in
 
 
 def run(args: "argparse.Namespace") -> int:
-    """Print the facts; the exit code."""
+    """Print the facts; return the exit code."""
     if not (args.key or args.json or args.yaml):
         return run_files(args.files, args.freq, args.seq)
     documents: List[Dict[str, Any]] = []

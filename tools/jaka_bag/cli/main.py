@@ -41,7 +41,7 @@ class Command(NamedTuple):
 
 
 class MissingCommand(Exception):
-    """The package that brings a subcommand is not installed; the text says how to get it."""
+    """The package that brings a subcommand is not installed; the text explains how to get it."""
 
 
 COMMANDS: Dict[str, Command] = {
@@ -273,7 +273,7 @@ def _end_at_sigterm() -> None:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run one subcommand; the result is the exit code: 0 done, 1 failed or partial, 2 usage.
+    """Run one subcommand; return the exit code: 0 done, 1 failed or partial, 2 usage.
 
     That of ``compare`` is 1 for different, and 2 for everything that goes wrong.
     """

@@ -16,7 +16,7 @@ from ..errors import BagError
 
 
 class _StandardError(logging.Handler):
-    """Writes past the locks of ``logging`` and ``sys.stderr``.
+    """A logging handler that writes past the locks of ``logging`` and ``sys.stderr``.
 
     The interpreter takes both when it ends: a thread held up in them would keep it from ending.
     """
@@ -38,11 +38,11 @@ class _StandardError(logging.Handler):
 
 
 class Notices:
-    """Says lines in a thread of its own; at the end of its block it waits until all is said.
+    """The printer of notices, in a thread of its own; at the end of its block it waits until all are printed.
 
     Args:
         program: Stands in front of every line.
-        quiet: Only what must be said is.
+        quiet: Print only the lines that are always printed.
     """
 
     def __init__(self, program: str, quiet: bool) -> None:

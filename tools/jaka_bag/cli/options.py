@@ -1,4 +1,4 @@
-"""Options that several subcommands share, and how they say what they did."""
+"""Options that several subcommands share, and the output of their results."""
 import argparse
 import json
 import sys
@@ -117,7 +117,7 @@ class Progress:
     Args:
         total: Bytes to be worked on.
         name: Name of the file or task.
-        stream: Where to draw.
+        stream: Stream to draw on.
     """
 
     def __init__(self, total: int, name: str, stream: Optional[TextIO]) -> None:
@@ -165,7 +165,7 @@ class Progress:
 
 
 class Report:
-    """Says what was done: lines for people, or one JSON document."""
+    """The output of results: lines for people, or one JSON document."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self._json: bool = args.json

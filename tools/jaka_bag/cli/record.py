@@ -1,4 +1,4 @@
-"""``jaka_bag record``: recording into files, and what the modes that keep messages in memory share with it.
+"""``jaka_bag record``: recording into files, and the parts that the modes with messages in memory share.
 
 Those modes, and with them the subcommand, are in ``jaka_blackbox``.
 """
@@ -155,18 +155,18 @@ class LogRecording:
     Args:
         args: The command line.
         node: Name of the node where the command line gives none.
-        console: Where notices go.
+        console: Printer of notices.
 
     Attributes:
-        names: Who the node is.
+        names: Names of the node.
         selection: The topics to record.
-        settings: How files are stored.
+        settings: Settings for the files.
         facts: Facts of the recording, stored in each file.
         attachments: Files stored in each file.
         key: Private key that finished files are signed with; None: they are not.
-        console: Where notices go.
+        console: Printer of notices.
         writer: Takes the messages; from ``prepare`` on.
-        failure: What ended the recording before its time.
+        failure: Error that ended the recording before its time.
 
     Raises:
         UsageError: Options contradict each other.
@@ -197,10 +197,10 @@ class LogRecording:
         """Set where messages go.
 
         Args:
-            open_files: Makes the place; called when the recording begins.
+            open_files: Makes the receiver of messages; called when the recording begins.
             selection: The topics, where they are others than the command line's.
-            buffer_bytes: Messages that may wait, where it is not what the command line says.
-            item_bytes: What a waiting message counts beside its payload, byte.
+            buffer_bytes: Bytes of messages that may wait; None for the command line's limit.
+            item_bytes: Cost of a waiting message besides its payload, byte.
         """
         args = self.args
         self.writer = WriterThread(open_files, args.buffsize if buffer_bytes is None else buffer_bytes,
@@ -219,7 +219,7 @@ class LogRecording:
         """Record until SIGINT, SIGTERM, SIGHUP or a limit; what ended it before its time is ``failure``.
 
         Args:
-            where: What the user is told about where messages go.
+            where: Description, for the user, of the place where messages go.
             on_usr1: Called at SIGUSR1.
             companion: Runs while the node is there.
 

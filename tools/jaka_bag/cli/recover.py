@@ -1,4 +1,4 @@
-"""``jaka_bag recover``: the command line that saves what can be read of a damaged log."""
+"""``jaka_bag recover``: the command line that saves the readable parts of a damaged log."""
 import argparse
 
 from ..operations.recover import default_target, recover

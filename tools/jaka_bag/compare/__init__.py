@@ -2,8 +2,11 @@
 
 The layers, from the ground up; a room imports only from those above it in this list:
 
-tolerances   limits for the candidate's deviations, from YAML runs         a log as streams, joints, poses, states and
-calls, all on one clock matching     the candidate's time for a golden time; equal entries of two sequences; distances
-of curves verdict      the outcome of one check, and of all checks       the checks, one module a subject comparison
-all checks in their order report       the result for people and machines
+tolerances   limits for the candidate's deviations, from YAML
+runs         a log as streams, joints, poses, states and calls, all on one clock
+matching     the candidate's time for a golden time; equal entries of two sequences; distances of curves
+verdict      the outcome of one check, and of all
+checks       the checks, one module a subject
+comparison   all checks in their order
+report       the result for people and machines
 """

@@ -43,11 +43,11 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     """Compare two logs that were read.
 
     Args:
-        golden: What ought to happen.
-        candidate: What happened; read with the same ``time_scale``.
-        tolerances: How far it may be off; None for the defaults.
+        golden: The golden log.
+        candidate: The candidate; read with the same ``time_scale``.
+        tolerances: Limits for deviations; None for the defaults.
         time_scale: The candidate ran this many times faster.
-        resolution: Share of a limit; how far a sample is off is not told from less than that. A finer one takes longer
+        resolution: Share of a limit below which a sample's deviation is not resolved. A finer one takes longer
             and changes no outcome.
 
     Raises:

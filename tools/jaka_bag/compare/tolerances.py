@@ -97,8 +97,8 @@ class FieldTolerance:
     """One numeric field of a topic that is no part of the driver's interface.
 
     Attributes:
-        absolute: In the field's own unit.
-        relative: Of the golden value.
+        absolute: Allowed deviation in the field's own unit.
+        relative: Allowed deviation as a share of the golden value.
         wraps: Differences are angles, taken in -pi to pi.
     """
 
@@ -113,9 +113,9 @@ class Tolerances:
 
     Attributes:
         ignore_topics: Regular expressions; a topic that one matches in full is left out.
-        optional_topics: As ignore_topics; such a topic may be missing in either log.
+        optional_topics: Regular expressions likewise; such a topic may be missing in either log.
         nan: ``same``: NaN only where the golden log has it; ``fail``: never; ``ignore``: not compared.
-        fields: By topic and field path, such as ``twist.linear.x``.
+        fields: Tolerances by topic and field path, such as ``twist.linear.x``.
     """
 
     streams: StreamTolerance = StreamTolerance()

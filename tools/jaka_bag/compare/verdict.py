@@ -45,19 +45,19 @@ class Check:
     """One check of one topic or field.
 
     Attributes:
-        aspect: Which check.
+        aspect: Kind of the check.
         topic: The topic, or the arm's namespace where it is about several.
         field: Field, joint or service; empty where it is about the whole topic.
-        outcome: What it found.
-        detail: One sentence: what was seen, or why it was not compared.
+        outcome: Outcome of the check.
+        detail: One sentence: the observation, or the reason why it was not compared.
         measured: The worst value seen; None where the check is not about an amount.
-        limit: What is allowed.
-        unit: Of both.
+        limit: Allowed value.
+        unit: Unit of ``measured`` and ``limit``.
         at: Golden time of the worst moment, s; None where it has none.
         golden: The golden log's value there, readable.
         candidate: The candidate's value there.
-        evidence: What the outcome under other tolerances follows from; empty where ``measured`` is enough.
-            Of joints, position, orientation and fields first (the worst, how far amounts are upper bounds only), then
+        evidence: Amounts from which the outcome under other tolerances follows; empty where ``measured`` is enough.
+            For joints, position, orientation and fields first (the worst, how far amounts are upper bounds only), then
             (limit, % of the samples outside of it); of pace (% off, s of golden motion); of durations (s off, s of the
             golden call). Pairs that others outdo in both are left out.
     """
@@ -155,13 +155,13 @@ class Comparison:
     """Two logs, compared.
 
     Attributes:
-        golden: What ought to happen.
-        candidate: What happened.
-        alignment: When it happened.
-        checks: In the order they were made.
-        residuals: Of the checks that go sample by sample.
+        golden: The golden log.
+        candidate: The candidate.
+        alignment: Alignment of both in time.
+        checks: Checks in the order they were made.
+        residuals: Residuals of the checks that go sample by sample.
         time_scale: The candidate ran this many times faster.
-        course: With which other tolerances the amounts would be the same; None where that was not noted.
+        course: Limits for which the amounts would be the same; None where that was not recorded.
     """
 
     golden: Run

@@ -1,6 +1,6 @@
 """The container formats of logs.
 
-index         what a log says about itself at its end: connections, chunks, totals; without numpy
+index         the index at a log's end: connections, chunks, totals; without numpy
 compression   the codecs of all formats
 contract      what every format offers: a reader and a writer, chunks as batches of messages, flat memory
 recovery      what reads a damaged log, and what it yields

@@ -14,7 +14,7 @@ BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
 _CHUNK_FLOOR, _CHUNK_RATIO = 32 << 20, 50
 _FILE_FLOOR, _FILE_RATIO = 64 << 20, 100
-"""A chunk may claim so many bytes, or so many times its stored ones; all chunks of a file likewise."""
+"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger."""
 _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 """Environment variable, MB, that raises both limits for a file that is trusted."""
 
@@ -85,7 +85,7 @@ def _limit(floor: int, ratio: int, stored: int) -> int:
 
 
 class Allowance:
-    """Limits what all chunks of one file unpack to; thread-safe.
+    """A limit for the total size that the chunks of one file unpack to; thread-safe.
 
     Args:
         file_size: byte.
@@ -101,7 +101,7 @@ class Allowance:
         """Allow the chunk at a position of the file to unpack to ``size`` bytes.
 
         Raises:
-            BagFormatError: With it, too much is claimed.
+            BagFormatError: The chunks claim too much.
         """
         with self._lock:
             self._total += size - self._claimed.get(position, 0)
@@ -180,7 +180,7 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
     Args:
         codec: Name of the codec, as for ``decompress``.
         data: Bytes of the chunk that there are.
-        size: Bytes at most; None where the chunk does not say.
+        size: Bytes at most; None where the chunk has no size.
     """
     most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
     most = most if size is None else min(size, most)

@@ -110,10 +110,10 @@ class LogReader:
 
     Args:
         file: The open file; it is closed with the reader.
-        index: What the log says about itself.
+        index: Index of the log.
 
     Attributes:
-        index: What the log says about itself.
+        index: Index of the log.
         connections: Its connections; batches refer to them by position.
         chunks: Its chunks in the order of the file.
     """
@@ -156,7 +156,7 @@ class LogReader:
         raise NotImplementedError
 
     def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        """Log times by the file's id of the connection, from the chunk's own index; None where it has none."""
+        """Return log times by the file's id of the connection, from the chunk's own index; None without one."""
         raise NotImplementedError
 
     def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:
@@ -256,15 +256,15 @@ class LogWriter:
         chunk_size: Single messages are collected up to this many bytes before a chunk is closed; None for
             ``usual_chunk_size``.
         overwrite: Replace an existing file.
-        suffix: What the working name has more than the final one.
+        suffix: Suffix of the working name.
         keep_leftover: Refuse to take over the working file of a killed program.
         profile: MCAP profile, ``ros1`` or ``ros2``; a .bag has no place for it.
 
     Attributes:
-        format_name: What users call the format.
-        capabilities: What the format has a place for.
-        codecs: What its chunks may be compressed with; ``usual_codec`` where nothing is asked for.
-        usual_chunk_size: Where nothing is asked for, byte.
+        format_name: Name of the format for users.
+        capabilities: Features that the format has a place for.
+        codecs: Compressions of its chunks; ``usual_codec`` is the default.
+        usual_chunk_size: Default chunk size, byte.
         name: The final name, for messages.
         position: Bytes written to the file so far.
         message_count: Messages in closed chunks so far.
@@ -319,7 +319,7 @@ class LogWriter:
         return self._output.file.fileno()
 
     def _write(self, *pieces: bytes) -> int:
-        """Write records; give the position of the first. On failure the file is cut back to before them."""
+        """Write records; return the position of the first. On failure the file is truncated to its former size."""
         begin = self.position
         try:
             for piece in pieces:
@@ -390,7 +390,7 @@ class LogWriter:
         """Add one message; the chunk is closed when it has ``chunk_size`` bytes.
 
         Args:
-            channel_id: From ``add_channel``.
+            channel_id: Number from ``add_channel``.
             log_time: Time of recording, ns since the epoch.
             payload: The serialised message.
             publish_time: ns; None for ``log_time``. Kept where the format has a place for it.

@@ -14,7 +14,7 @@ class ChunkRef(NamedTuple):
 
     Attributes:
         position: First byte in the file.
-        end: First byte behind the chunk and its indexes.
+        end: First byte after the chunk and its indexes.
         start_time: Earliest log time in it, ns.
         end_time: Latest log time in it, ns.
         counts: Messages by number of the connection; empty where the index does not say.
@@ -83,18 +83,18 @@ class LogIndex(NamedTuple):
         version: Version of the format.
         path: The file.
         size: byte.
-        connections: By number; the numbers are this package's own.
+        connections: Connections by number; the numbers are this package's own.
         numbers: The file's id of a connection to its number.
-        chunks: In the order of the file.
+        chunks: Chunks in the order of the file.
         counts: Messages by number of the connection.
         start_time: Earliest log time, ns; None without messages.
         end_time: Latest log time, ns; None without messages.
         profile: MCAP profile, else empty.
         library: The program that wrote the MCAP, else empty.
-        attachments: Of an MCAP.
-        metadata: Of an MCAP.
-        codecs: Of the chunks; empty where the index does not say (``read_codecs``).
-        notes: What the file has that is none of the format and was skipped, one line each.
+        attachments: Attachments of an MCAP.
+        metadata: Metadata records of an MCAP.
+        codecs: Codecs of the chunks; empty where the index does not name them (``read_codecs``).
+        notes: Parts of the file that do not belong to the format and were skipped, one line each.
     """
 
     format: str

@@ -36,7 +36,7 @@ class Stretch(NamedTuple):
 
     Attributes:
         begin: First byte of the file that they come from.
-        end: First byte behind them.
+        end: First byte after them.
         batch: The messages; ``connection`` holds the file's own ids.
         is_loose: They come from plain records rather than from a chunk.
     """

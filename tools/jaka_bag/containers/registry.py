@@ -16,8 +16,8 @@ class Format(NamedTuple):
     """One container format; its parts are named and imported when they are first needed.
 
     Attributes:
-        name: As ``LogIndex.format`` has it; bags of version 1.2 are ``bag`` there.
-        suffix: Of its files; empty where it is never written.
+        name: Value of ``LogIndex.format``; bags of version 1.2 are ``bag`` there.
+        suffix: Suffix of its files; empty where it is never written.
         magic: First bytes of its files.
         records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
             ``parse_chunk_head(raw)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
@@ -192,7 +192,7 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
         overwrite: Replace an existing output.
         profile: Profile of an MCAP.
         as_rosbag2: Make a rosbag2 folder: ROS 1 messages are converted to CDR.
-        options: Of ``LogWriter``: ``chunk_size``, ``suffix``, ``keep_leftover``.
+        options: Options of ``LogWriter``: ``chunk_size``, ``suffix``, ``keep_leftover``.
 
     Raises:
         BagError: The suffix is neither, the compression is not the format's, or it cannot be created.

@@ -1,4 +1,4 @@
-"""Writes rosbag2 folders (MCAP storage, CDR messages) from ROS 1 messages."""
+"""The writer of rosbag2 folders (MCAP storage, CDR messages) from ROS 1 messages."""
 import os
 import shutil
 from pathlib import Path
@@ -40,7 +40,7 @@ class Rosbag2Writer(McapWriter):
 
     Args:
         folder: Final path of the folder.
-        compression: Of the chunks, as of ``LogWriter``.
+        compression: Compression of the chunks, as for ``LogWriter``.
         level: The codec's level; None for the fast default.
         overwrite: Replace an existing rosbag2 folder.
 

@@ -1,6 +1,6 @@
-"""Reads rosbag2 folders, of sqlite3 and MCAP storage, by the library rosbags; their facts without it and without numpy.
+"""The reader of rosbag2 folders, sqlite3 and MCAP storage, by the library rosbags; facts without it and numpy.
 
-What reads raises ``BagError`` where the folder is damaged, or the storage is not one that rosbags reads.
+Functions that read raise ``BagError`` where the folder is damaged, or the storage is not one that rosbags reads.
 """
 import importlib
 import os
@@ -62,7 +62,7 @@ class Rosbag2Folder:
 
     Attributes:
         connections: Those whose types ROS 1 can have.
-        left_out: What is not read, one line each.
+        left_out: Parts that are not read, one line each.
         start_time: Earliest log time, ns; None without messages.
         end_time: Latest log time, ns; None without messages.
         message_count: Messages of ``connections``.

@@ -117,11 +117,11 @@ def run_tasks(function: LogFunction, tasks: Iterable[LogTask], engine: Engine, o
     Args:
         function: The work; see ``LogFunction``.
         tasks: They are taken as there is room for them, a bounded number before their turn.
-        engine: Where.
+        engine: Executor of the tasks.
         on_result: Called in this thread, once for each task, in the order in which they end.
 
     Raises:
-        BagError: The engine cannot be reached. Results that came before were told; later tasks are not done.
+        BagError: The engine cannot be reached. Earlier results were reported; later tasks are not done.
         MissingDependency: The engine's package is not installed.
         KeyboardInterrupt: The user ended it; tasks that wait are not begun.
     """
@@ -129,7 +129,7 @@ def run_tasks(function: LogFunction, tasks: Iterable[LogTask], engine: Engine, o
 
 
 class Tally:
-    """Counts results, and keeps the failed ones.
+    """A count of results, with the failed ones.
 
     Attributes:
         total: Tasks that there are.

@@ -5,7 +5,7 @@ graph             calls to the master and to other nodes, and the server they ca
 tcpros            connection headers, and a link to one publisher
 publisher         publishes without losing anything
 stream_account    messages of each publisher received, written and lost
-bus_statistics    messages that publishers say they sent us
+bus_statistics    messages that publishers report as sent to us
 topic_selection   which topics a recording takes
 subscriber        one loop over all publishers' links, with the kernel's times of receipt
 rolling_files     the files that a recording writes: cut by age, split, finished when the disk is full

@@ -48,7 +48,7 @@ class RemoteNode:
             raise ProtocolError("%r is no XMLRPC address: %s" % (uri, error)) from error
 
     def raw_call(self, method: str, *arguments: Any) -> Any:
-        """Call a method, give what came back as it is.
+        """Call a method; return the unchecked reply.
 
         Raises:
             ConnectionLost: The peer cannot be reached or did not answer in time.
@@ -65,8 +65,8 @@ class RemoteNode:
         """Call a method of the master or slave API, give its value.
 
         Raises:
-            ConnectionLost: As in ``raw_call``.
-            ProtocolError: As in ``raw_call``, or the peer's status code is not success.
+            ConnectionLost: The peer does not answer.
+            ProtocolError: The peer refuses, or its status code is not success.
         """
         reply = self.raw_call(method, *arguments)
         if not isinstance(reply, (list, tuple)) or len(reply) != 3:

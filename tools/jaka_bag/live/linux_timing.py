@@ -1,4 +1,4 @@
-"""Making one thread wake up on time."""
+"""The timely waking of one thread."""
 import contextlib
 import ctypes
 import gc

@@ -88,7 +88,7 @@ class Player:
         """Send all messages.
 
         Args:
-            messages: In the order of time.
+            messages: Messages in the order of time.
             begin: Log time at which playing begins, ns.
         """
         if self.is_paused:
@@ -168,7 +168,7 @@ class Player:
         return max(0.0, self._next_tick - time.monotonic())
 
     def _serve(self, timeout_s: float) -> None:
-        """Wait at most so long, s, and obey keys."""
+        """Wait at most ``timeout_s``, and obey keys."""
         self._idle()
         for key in self._keyboard.wait(max(0.0, min(timeout_s, _PAUSE_POLL_S))):
             if key == " ":

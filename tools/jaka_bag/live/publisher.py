@@ -1,4 +1,4 @@
-"""Publishing without rospy: blocking and in order, so that no subscriber ever misses a message.
+"""The publication of messages without rospy: blocking and in order, so that no subscriber ever misses a message.
 
 After the ROS wiki pages "ROS/TCPROS" and "ROS/Connection Header".
 
@@ -42,7 +42,7 @@ class TopicPublisher:
     Attributes:
         topic: Global name.
         connection: Type, md5 and definition.
-        is_latching: Whether subscribers are told of latched messages.
+        is_latching: Subscribers learn that messages are latched.
         sent: Messages published.
     """
 
@@ -65,7 +65,7 @@ class Publisher:
     """The publishers of one node. One thread publishes; subscribers may come and go at any time.
 
     Args:
-        names: Who the node is.
+        names: Names of the node.
         notice: Takes a line for the user.
         on_shutdown: Called with a reason when another node asks this one to end.
     """
@@ -170,8 +170,8 @@ class Publisher:
         """Send a message to all subscribers; returns when the system has taken it for each of them.
 
         Args:
-            offer: From ``advertise``.
-            frame: From ``frame_of``.
+            offer: Offer from ``advertise``.
+            frame: Message from ``frame_of``.
             latch_key: Keep the message for later subscribers, in place of the last one with this key; None: do not.
         """
         if self._has_joining.is_set():

@@ -76,10 +76,10 @@ class DiskFull(BagError):
 
 
 class RollingFiles:
-    """Writes messages into one file after the other, in one thread.
+    """The writer of messages into one file after the other, in one thread.
 
     Args:
-        settings: How to store them.
+        settings: Settings for the files.
         facts: Facts of the recording, stored in each MCAP file.
         attachments: Files stored in each MCAP file.
         streams: Gives all streams so far, for the account stored in each MCAP file.
@@ -138,10 +138,10 @@ class RollingFiles:
 
     def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes,
             sequence: Optional[int] = None) -> None:
-        """Write one message; a new file is begun where the settings say so.
+        """Write one message; begin a new file where the settings demand it.
 
         Args:
-            stream: Whose it is.
+            stream: Stream of the message.
             log_time: ns.
             publish_time: ns.
             payload: The serialised message.

@@ -1,4 +1,4 @@
-"""One recording from start to end: finds the topics, keeps them subscribed, asks publishers, ends in order.
+"""One recording from start to end: search for topics, subscriptions, publishers' statistics, orderly end.
 
 What asks the master raises ``ConnectionLost`` where it does not answer, ``ProtocolError`` where it refuses.
 """
@@ -70,7 +70,7 @@ class Session:
             self._transport.wake()
 
     def run(self, connect: Callable[[], Subscriber], use_clock: bool) -> None:
-        """Record until told to stop.
+        """Record until stopped.
 
         Args:
             connect: Makes the transport, which delivers to the recorder; called when there is a file to write to.
@@ -239,7 +239,7 @@ def parameter_dump(master: RemoteNode) -> bytes:
 
 
 def wait_for_master(master: RemoteNode, stop: threading.Event, notice: Callable[[str], None]) -> bool:
-    """Wait until the master answers; False when told to stop before."""
+    """Wait until the master answers; return False when stopped before."""
     is_noticed = False
     while not stop.is_set():
         try:

@@ -22,9 +22,9 @@ class Stream:
     """One publisher's messages on one topic.
 
     Attributes:
-        connection: What the publisher said of itself.
+        connection: The publisher's description of its stream.
         publisher: XMLRPC URI of the publishing node.
-        has_header: Whether messages start with a ``std_msgs/Header``.
+        has_header: Messages start with a ``std_msgs/Header``.
         is_wanted: False for a stream that is only listened to (the clock).
         received: Messages taken from the network.
         link_start: ``received`` when the present link was opened.
@@ -59,7 +59,7 @@ class Stream:
 
     @property
     def position(self) -> int:
-        """Number of the newest message to be written, from 1; what was thrown away counts, so that a log shows it."""
+        """Number of the newest message to be written, from 1; dropped messages count, so that a log shows gaps."""
         return self.written + self.overflowed + self.unwritten
 
     def reopen(self) -> None:
@@ -98,9 +98,9 @@ class TopicDrops(NamedTuple):
 
     Attributes:
         received: Taken from the network.
-        written: In the log.
+        written: Written to the log.
         missing: Skipped by ``header.seq``; None where the type has no header.
-        undelivered: Sent, by the publishers' own bus statistics, but never received; None where none could tell.
+        undelivered: Sent, by the publishers' own bus statistics, but never received; None where none has statistics.
         overflowed: Thrown away because the recorder's buffer was full.
         unwritten: Lost because the system refused to write.
         types: Distinct (type, md5sum) of its publishers; more than one is a conflict.

@@ -1,9 +1,9 @@
-"""Subscribing without rospy: one loop over all publishers' links, with the kernel's receive times.
+"""The subscriptions of a node without rospy: one loop over all publishers' links, with the kernel's receive times.
 
 The loop belongs to the thread that calls ``poll``; registrations and slave API calls reach it through a queue.
 
-What asks the master raises ``ConnectionLost`` where it cannot be reached, ``ProtocolError`` where it refuses; a topic
-that is unsubscribed is let go all the same.
+Methods that ask the master raise ``ConnectionLost`` where it cannot be reached, ``ProtocolError`` where it refuses; a
+topic that is unsubscribed is released all the same.
 """
 import collections
 import contextlib
@@ -26,10 +26,10 @@ _HOUSEKEEPING_S = 0.1
 _MAX_EVENTS = 256
 
 Accept = Callable[[Connection], bool]
-"""Says whether a publisher's stream on a subscribed topic is wanted."""
+"""A decision whether a publisher's stream on a subscribed topic is wanted."""
 
 OpenStream = Callable[[Connection, str], Any]
-"""Told of each new stream (connection, XMLRPC URI of the publisher); gives the tag of its messages."""
+"""A callback for each new stream (connection, XMLRPC URI of the publisher); returns the tag of its messages."""
 
 
 def accept_all(connection: Connection) -> bool:
@@ -54,7 +54,7 @@ class Subscriber:
     """Subscriptions of one node, served by one loop.
 
     Args:
-        names: Who the node is.
+        names: Names of the node.
         deliver: Called with each message, in the thread that polls.
         open_stream: Called for each new link, in the thread that polls.
         notice: Takes a line for the user when something fails or changes.

@@ -95,8 +95,8 @@ class PublisherLink:
         on_open: Called once, when ``connection`` is known.
 
     Attributes:
-        connection: What the publisher said of itself; None until its header came.
-        tag: What ``on_open`` returned; goes with every message of the link.
+        connection: The publisher's description of its stream; None until its header came.
+        tag: Value from ``on_open``; goes with every message of the link.
         is_connecting: True until the TCP connection stands; poll for writing until then.
     """
 

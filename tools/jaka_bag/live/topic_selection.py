@@ -52,7 +52,7 @@ def state_log_topics(names: NodeNames) -> Tuple[str, ...]:
 
 
 def is_of_namespace(namespace: str) -> Callable[[Connection], bool]:
-    """Return a function that tells whether a stream comes from a node of the namespace, or lies on a topic of it."""
+    """Return a test whether a stream comes from a node of the namespace, or lies on a topic of it."""
     prefix = namespace.rstrip("/") + "/"
 
     def accept(connection: Connection) -> bool:

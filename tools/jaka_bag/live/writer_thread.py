@@ -126,7 +126,7 @@ class WriterThread:
         """Take one message.
 
         Args:
-            stream: From ``open_stream``.
+            stream: Stream from ``open_stream``.
             stamp: Host time of receipt, ns since the epoch.
             data: The serialised message.
         """

@@ -1,4 +1,4 @@
-"""Messages as bytes: what a log says about them, and many of them at once in numpy arrays.
+"""Messages as bytes: their description in a log, and many of them at once in numpy arrays.
 
 connection    what a log knows about one publisher's stream
 definitions   ROS 1 message definitions: text to fields, and the md5 of a type

@@ -1,4 +1,4 @@
-"""Many messages in few numpy arrays: what readers give, what filters pick from and what writers take."""
+"""Many messages in few numpy arrays: the form that readers, filters and writers share."""
 from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple, Union
 
 import numpy as np

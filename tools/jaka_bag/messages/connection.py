@@ -12,7 +12,7 @@ class Connection(NamedTuple):
         definition: Full text of the definition with those of all types in it (bytes that are not UTF-8
             are kept as surrogates).
         callerid: Name of the publishing node; None where the log has none.
-        latching: Whether the publisher latched; None where the log does not say.
+        latching: The publisher latched; None where the log does not show it.
         extra: Further fields of the connection header, (name, value), in the log's order.
         encoding: Encoding of the messages (``ros1``, ``cdr``, ...).
         schema_encoding: Encoding of ``definition`` (``ros1msg``, ``ros2msg``, ...).

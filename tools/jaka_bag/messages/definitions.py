@@ -26,7 +26,7 @@ class Field(NamedTuple):
     Attributes:
         type: A key of ``PRIMITIVE_SIZES``, ``string``, or the full name of a message type.
         name: Field name.
-        array: None for a single value, the length of a fixed array, -1 for one whose length the message says.
+        array: None for a single value, the length of a fixed array, -1 for one whose length is in the message.
     """
 
     type: str

@@ -131,7 +131,7 @@ class Ros1Type:
     Attributes:
         name: ``package/Type``.
         definition: ROS 1 definition text with those of all types in it.
-        md5sum: Of the type.
+        md5sum: MD5 sum of the type.
 
     Raises:
         MissingDependency: rosbags is not installed.

@@ -142,7 +142,7 @@ class MessageFilter:
     """A selection applied to one log.
 
     Attributes:
-        wanted: Whether each of the log's connections is wanted, bool.
+        wanted: Mask of the log's connections that are wanted, bool.
     """
 
     def __init__(self, selection: Selection, connections: Sequence[Connection]) -> None:

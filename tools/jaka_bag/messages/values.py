@@ -1,4 +1,4 @@
-"""One serialised ROS 1 message as Python values, for those who look at messages one by one.
+"""One serialised ROS 1 message as Python values, for use one by one.
 
 ``DefinitionError`` is raised where the definition is not understood or does not describe the bytes.
 """

@@ -2,7 +2,7 @@
 
 A line is a JSON object with its number ``n``, the SHA-256 of the line before it (``prev``, of its bytes without the
 line end) and, last, the CRC-32 of all that stands before that (``crc``). Lines are read one by one, in bounded memory.
-docs/audit.md has the format, and tells what a whole chain does not show.
+docs/audit.md has the format, and lists changes that a whole chain does not show.
 """
 import hashlib
 import json
@@ -32,7 +32,7 @@ class Defect(NamedTuple):
     Attributes:
         path: The file.
         line: The line in that file, from 1 on; of lines that are missing the one that follows them.
-        what: In words, beginning with changed, missing, out of order, cut or foreign.
+        what: Description, beginning with changed, missing, out of order, cut or foreign.
     """
 
     path: str
@@ -127,7 +127,7 @@ def _open(path: str) -> BinaryIO:
 
 
 class _Gap:
-    """Bytes that are no lines, as long as no line follows that says what they are."""
+    """Bytes that are no lines, until a line follows that explains them."""
 
     def __init__(self, line: int, why: str) -> None:
         self.line = line
@@ -138,14 +138,14 @@ class _Gap:
         self._held = b""
 
     def add(self, piece: bytes) -> None:
-        """Take more of it; the last line end is not of it, but of the driver that went on."""
+        """Add bytes to the gap; the last line end does not belong to it, but to the driver that continued."""
         self._digest.update(self._held + piece[:-1])
         self._held = piece[-1:]
         self.size += len(piece)
         self.ends_line = piece.endswith(b"\n")
 
     def is_that_of(self, fields: Dict[str, Any]) -> bool:
-        """Return whether a line says of these bytes, and of no others, that they were left of a cut line."""
+        """Return whether a line records these bytes, and no others, as the rest of a cut line."""
         return (fields.get("kind") == "cut" and fields.get("bytes") == self.size - 1
                 and fields.get("sha256") == self._digest.hexdigest())
 
@@ -281,7 +281,7 @@ class _Reader:
 
 
 def _pruned(fields: Dict[str, Any]) -> List[Tuple[object, object]]:
-    """Return number and hash of the last line of each file that a line says was pruned."""
+    """Return number and hash of the last line of each file that a line records as pruned."""
     files = fields.get("files")
     return [(file.get("last"), file.get("sha256")) for file in files if isinstance(file, dict)] if isinstance(
         files, list) else []

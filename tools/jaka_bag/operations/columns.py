@@ -24,7 +24,7 @@ _GROUP_MESSAGES, _GROUP_BYTES = 30000, 2 << 20
 
 
 def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
-    """Group chunks in the order of time, so many together that it is worth to decode them at once."""
+    """Group chunks in the order of time, into groups that are worth to be decoded at once."""
     groups: List[List[ChunkRef]] = []
     messages = size = 0
     for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.position)):
@@ -86,7 +86,7 @@ class ColumnReader:
 
         Args:
             chunk: One of the reader's.
-            fields: By topic the only fields that are needed; of other topics all are given.
+            fields: The only fields that are needed, by topic; of other topics all are given.
         """
         batch = self._filter.apply(self._reader.load(chunk))
         by_topic: Dict[str, List[Group]] = {}

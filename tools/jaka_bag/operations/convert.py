@@ -51,8 +51,8 @@ class Job(NamedTuple):
     Attributes:
         source: A .bag or .mcap, by content.
         target: .bag or .mcap by suffix, or a folder for the profile ``ros2``.
-        selection: Which messages, times excepted.
-        span: Which times.
+        selection: Wanted messages, times excepted.
+        span: Wanted time span.
         compression: None for the target format's default.
         level: The codec's level; None for its default.
         profile: ``ros1``, or ``ros2`` for a rosbag2 folder.
@@ -202,14 +202,14 @@ def copy_extras(source: Union[LogReader, LogRecovery], writer: LogWriter, has_at
 def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, MessageBatch]], writer: LogWriter,
                    ids: Optional[Array] = None, on_progress: Optional[OnProgress] = None,
                    workers: int = WORKERS) -> int:
-    """Write batches in the order of the items that they come from; give the number of messages.
+    """Write batches in the order of the items that they come from; return the number of messages.
 
     Args:
-        items: What the batches are made of.
+        items: Items that the batches are made of.
         load: Bytes of the source, and the batch, of one item; thread-safe.
         writer: The output; it stays open.
         ids: The writer's number of each of the batches' connections; None: they are numbered so already.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
         workers: Threads.
 
     Raises:

@@ -148,7 +148,7 @@ def _look_at_connections(connections: List[Connection], findings: _Findings) -> 
 
 
 def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> None:
-    """Compare what the log says of itself with what is in it."""
+    """Compare the log's index with its content."""
     index = reader.index
     if sum(index.counts) != seen.total:
         findings.error("the index tells of %d messages, the file holds %d" % (sum(index.counts), seen.total))
@@ -178,7 +178,7 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
 
     Args:
         path: A .bag or .mcap, damaged or not.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
 
     Raises:
         BagError: It cannot be opened.

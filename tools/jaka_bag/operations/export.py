@@ -149,13 +149,13 @@ def table_path(target: Path, topic: str, is_only: bool) -> Path:
 
 def export(reader: LogReader, target: PathLike, selection: Optional[Selection] = None,
            overwrite: bool = False) -> Dict[str, Tuple[str, int]]:
-    """Write the wanted topics; give for each the file and the number of messages.
+    """Write the wanted topics; return for each the file and the number of messages.
 
     Args:
         reader: The log.
         target: .csv, .npz or .parquet by suffix. NPZ holds all topics; of the others each topic has its own file,
             ``STEM_topic.SUFFIX`` where there are several.
-        selection: Which topics.
+        selection: Wanted topics.
         overwrite: Replace existing files.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Attachments and metadata of a log: adds some, takes them out."""
+"""Attachments and metadata of a log: added, taken out."""
 import json
 import mimetypes
 import os
@@ -48,10 +48,10 @@ def attach(source: PathLike, target: PathLike, files: Sequence[NewAttachment],
     Args:
         source: The log.
         target: .mcap: other formats have no place for them.
-        files: What to attach.
+        files: Files to attach.
         metadata: (name, values) of metadata records.
         overwrite: Replace an existing target.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
 
     Raises:
         BagError: The source or a file cannot be read, or the target cannot be written or hold them.
@@ -108,7 +108,7 @@ def extract(reader: LogReader, folder: PathLike, names: Sequence[str] = (), over
 
     Args:
         reader: The log.
-        folder: Where to.
+        folder: Folder to write into.
         names: Those that are wanted; none for all.
         overwrite: Replace existing files.
 

@@ -72,10 +72,10 @@ class ParquetTable:
     Args:
         file: Open for writing; it stays open.
         constants: Columns of text that have one value in all rows; they come first. A field of a message that has
-            such a name, or ``log_time``, gets a ``_`` behind its own.
+            such a name, or ``log_time``, gets a ``_`` appended.
         metadata: Facts about the file, in its footer.
         compression: A codec of Parquet.
-        encoder: Whose thread compresses and writes, while the next messages are added; it must outlive the block.
+        encoder: Executor that compresses and writes, while the next messages are added; it must outlive the block.
             None: the calling thread.
 
     Attributes:

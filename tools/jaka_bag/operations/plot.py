@@ -259,7 +259,7 @@ def _draw_path(axes: Any, topic: str, points: Array) -> None:
 
 def plot(data: Dict[str, Columns], target: PathLike, title: str, fields: Sequence[Tuple[str, str]] = (),
          overwrite: bool = False) -> int:
-    """Draw a log; give the number of diagrams.
+    """Draw a log; return the number of diagrams.
 
     Args:
         data: Columns by topic.
@@ -285,7 +285,7 @@ def check_format(target: PathLike) -> None:
 
 def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[str, Array],
          overwrite: bool = False) -> int:
-    """Draw diagrams one below the other, and the paths of some topics; give their number.
+    """Draw diagrams one below the other, and the paths of some topics; return their number.
 
     Args:
         panels: The diagrams.

@@ -6,7 +6,7 @@ import numpy as np
 from ..messages.batch import Array
 
 _EXACT = 1 << 18
-"""Up to so many values are kept as they are."""
+"""Number of values up to which they are kept as they are."""
 _SHIFT = 38
 """Beyond it values count as equal that differ only in the last 38 bits: by 1/16384 of themselves."""
 
@@ -15,7 +15,7 @@ class Quantiles:
     """Values, most of them as classes 0.006 % wide once there are many.
 
     Attributes:
-        count: Of values.
+        count: Number of values.
         total: Their sum.
     """
 

@@ -106,7 +106,7 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
         compression: None for the target format's default.
         level: The codec's level; None for its default.
         overwrite: Replace an existing target.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
 
     Raises:
         BagFormatError: It is neither, it is encrypted, or no message can be read.

@@ -116,7 +116,7 @@ def sign(path: PathLike, key: Any) -> Path:
 
     Args:
         path: The log.
-        key: From ``load_private_key``.
+        key: Key from ``load_private_key``.
 
     Raises:
         BagError: The log cannot be read or the signature not be written.

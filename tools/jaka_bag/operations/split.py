@@ -129,12 +129,12 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
     Args:
         source: The log.
         stem: ``NAME.bag`` or ``NAME.mcap``.
-        limits: When a part is full; at least one limit.
+        limits: Limits of a part, at least one.
         compression: None for the format's default.
         level: The codec's level; None for its default.
         overwrite: Replace existing parts, and remove those of an earlier split that had more of them.
         repeat_latched: Begin each further part with the newest message of each latched connection.
-        on_progress: Is told how far it is.
+        on_progress: Receives the progress.
 
     Raises:
         BagError: The source cannot be read, a part cannot be written, or no limit is given.

@@ -13,7 +13,7 @@ class MinMax:
     samples alone, not on the pieces in which they came.
 
     Args:
-        limit: At most about so many points, at least 8; up to this many samples are kept as they are.
+        limit: Approximate number of points at most, at least 8; up to this many samples are kept as they are.
     """
 
     def __init__(self, limit: int) -> None:
@@ -83,7 +83,7 @@ class EveryNth:
     """Rows evenly out of all that come, at most ``limit`` of them, and the last one.
 
     Args:
-        limit: At least 2.
+        limit: Number of rows at most, at least 2.
     """
 
     def __init__(self, limit: int) -> None:

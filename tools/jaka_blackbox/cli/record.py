@@ -1,4 +1,4 @@
-"""``jaka_bag record``: its three modes; files, snapshots of what is in memory, a file around each accident."""
+"""``jaka_bag record``: its three modes; files, snapshots of messages in memory, a file around each accident."""
 import argparse
 import contextlib
 import dataclasses
@@ -249,7 +249,7 @@ class Assembly:
             self._console.say("signed: %s" % sign(path, self._recorder.key))
 
     def _make_leftovers_whole(self) -> None:
-        """Finish the files of black boxes that were killed; what cannot be read stays as it is."""
+        """Finish the files of black boxes that were killed; a file that cannot be read stays as it is."""
         for path in cut_off_files(self._folder):
             target = path.with_suffix("")
             if is_being_written(path):

@@ -1,4 +1,4 @@
-"""``jaka_bag report``: what happened around an accident, as one HTML page."""
+"""``jaka_bag report``: the events around an accident as one HTML page."""
 import argparse
 from pathlib import Path
 

@@ -303,16 +303,16 @@ def _rate(time: Array, value: Array) -> Array:
 
 def load_incident(path: PathLike, at: Optional[TimePoint] = None, before_s: Optional[float] = None,
                   after_s: Optional[float] = None) -> Incident:
-    """Read what a log tells of an accident.
+    """Load the facts about an accident from a log.
 
     Args:
-        path: Of a black box, or any other log of the driver's topics.
-        at: Where to look; None for the first trigger that the log names, else the first fault in it.
-        before_s: From so long before; None for what the black box was set to, else 60 s.
-        after_s: Until so long after the last trigger; None likewise, else 20 s.
+        path: Log of a black box, or any other log of the driver's topics.
+        at: Time of the accident; None for the first trigger that the log names, else the first fault in it.
+        before_s: Time to show before it, s; None for the black box's setting, else 60 s.
+        after_s: Time to show after the last trigger, s; None likewise, else 20 s.
 
     Raises:
-        UsageError: There is nothing at that time, or nothing says where to look.
+        UsageError: There is nothing at that time, or the log has no trigger and no fault.
     """
     with open_log(path) as log:
         return _Loader(log, at, before_s, after_s).load()

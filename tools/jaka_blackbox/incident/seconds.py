@@ -27,7 +27,7 @@ class Second(NamedTuple):
     Attributes:
         start: Its first moment, s from the trigger.
         end: Its last moment, s.
-        events: By time.
+        events: Events by time.
         joint: The fastest joint and its speed, rad/s; None without samples.
         tool: Largest speed of a tool point, m/s; None without samples.
     """

@@ -43,13 +43,13 @@ def _port(text: str) -> int:
 
 def run_server(args: argparse.Namespace, console: Notices, shown: str,
                make_source: Callable[[], "Source"]) -> int:
-    """Serve until SIGINT or SIGTERM; the exit code.
+    """Serve until SIGINT or SIGTERM; return the exit code.
 
     Args:
-        args: With the options of ``add_server``.
-        console: For what is said.
-        shown: What viewers see, and may do, for the user.
-        make_source: Makes what is shown.
+        args: Options of ``add_server``.
+        console: Printer of notices.
+        shown: Description, for the user, of what viewers see and may do.
+        make_source: Makes the source.
 
     Raises:
         MissingDependency: aiohttp is not installed.

@@ -40,9 +40,9 @@ class Frame(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Samples of the candidate at golden times, but for those where the golden log has none, or that are no numbers.
+    """The candidate's finite samples at golden times, without those where the golden log has none.
 
-    ``jitter`` is how far the stamp of each may be off, s; ``allowed`` how far each value may be, because of stops.
+    ``jitter`` is the largest error of each stamp, s; ``allowed`` the allowed deviation of each value because of stops.
     """
 
     time: Array
@@ -95,7 +95,7 @@ class _GoldenCurve:
         self.value = np.zeros((0, 0))
 
     def cover(self, until: float) -> None:
-        """Have two samples more than there are up to a golden time, s, where there are so many."""
+        """Extend the curve to two samples beyond a golden time, s, where there are so many."""
         while not self._is_at_end and (len(self.time) < 2 or self.time[-2] <= until):
             block = next(self._blocks, None)
             if block is None:
@@ -162,7 +162,7 @@ class _Aligned:
 
 
 class _Judge:
-    """The judge of distances, in ``unit`` / ``factor``, that may exceed the limit by what stops allow."""
+    """A judge of distances, in ``unit`` / ``factor``, that may exceed the limit by what stops allow."""
 
     def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
                  names: Sequence[str], floor: float, factor: float = 1.0) -> None:

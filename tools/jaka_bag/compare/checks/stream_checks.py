@@ -101,7 +101,7 @@ class StreamWatch:
 
     @property
     def lost(self) -> Optional[int]:
-        """Messages that header.seq steps over; None where it does not count.
+        """The number of messages that header.seq skips; None where it does not count.
 
         Steps back are restarts of the publisher and lose nothing.
         """

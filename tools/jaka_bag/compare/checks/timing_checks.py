@@ -9,7 +9,7 @@ from ..tolerances import TimingTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged, not_compared
 
 _POOLED_S = 2.0
-"""All motions of an arm together must last so long before their pace is judged as one."""
+"""Total duration, s, from which all motions of an arm together are long enough to judge their pace as one."""
 
 
 def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: Tolerances) -> List[Check]:

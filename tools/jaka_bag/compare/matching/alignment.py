@@ -44,7 +44,7 @@ class Episode:
         lag: Candidate time - golden time, s.
         pace: Candidate duration / golden duration; None where the motion is too short to tell.
         span: Golden duration that the pace was measured on, s.
-        rms: What remains with both, rad.
+        rms: RMS of the residuals with lag and pace, rad.
         is_alike: The candidate makes this motion too, be it late or slow; else lag is that of the last call.
     """
 
@@ -60,12 +60,12 @@ class Episode:
 
 @dataclass(frozen=True)
 class Alignment:
-    """Golden times to candidate times.
+    """The mapping of golden times to candidate times.
 
     Attributes:
-        lag: What both logs have in common: candidate time - golden time, s.
-        method: What it was found by.
-        episodes: By arm, in the order of time.
+        lag: Lag of the whole candidate: candidate time - golden time, s.
+        method: Method by which the lag was found.
+        episodes: Motions by arm, in the order of time.
     """
 
     lag: float

@@ -1,6 +1,6 @@
-"""Motions that ended where something stopped them, not at a target: how far off the arm may stand afterwards.
+"""Motions that ended where something stopped them, not at a target, and the arm's allowed deviation afterwards.
 
-A stop that arrives a moment later finds the arm farther along. How far is the speed at that moment times the time
+A stop that arrives a moment later finds the arm farther along, by the speed at that moment times the time
 allowed; it stays until a motion to an absolute target has been completed.
 """
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
@@ -14,7 +14,7 @@ from .alignment import Arm
 from .motion_fit import speeds
 
 _BEFORE_S = 0.3
-"""Speeds are looked up so long before a cut: the stop's own ramp comes after it, its report may come late."""
+"""Time, s, before a cut at which speeds are read: the stop's own ramp comes after it, its report may come late."""
 _AFTER_S = 0.1
 _JOG_TAIL_S = 0.5
 _STOP_SERVICES = ("stop_move",)
@@ -72,7 +72,7 @@ def cut_motions(run: Run, name: str, arm: Arm) -> List[Cut]:
 
 
 def fit_ends(cuts: Sequence[Cut]) -> List[Tuple[float, float]]:
-    """Start of each cut motion, and from when it says nothing about lag and pace, s."""
+    """Return each cut motion's start, and the time from which it shows nothing about lag and pace, s."""
     return [(cut.span_start, cut.at - 0.1) for cut in cuts]
 
 

@@ -34,7 +34,7 @@ class Curve:
     """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out.
 
     Args:
-        track: Where they come from.
+        track: Track with the samples.
         windows: Times between which it will be asked for; elsewhere what it gives has no meaning, but that it is held
             at the ends of the track.
     """

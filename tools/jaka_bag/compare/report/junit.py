@@ -1,4 +1,4 @@
-"""JUnit XML: that of one comparison, with a test case for each check, and of whatever else has cases."""
+"""JUnit XML: one comparison, with a test case for each check, or other results with cases."""
 import re
 from typing import NamedTuple, Sequence
 from xml.etree import ElementTree

@@ -78,8 +78,8 @@ class _Picture:
     """One SVG with a rectangle to draw in: axes, and what all pictures have.
 
     Args:
-        title: For screen readers; the page has its own headings.
-        description: What is to be seen, for screen readers.
+        title: Title for screen readers; the page has its own headings.
+        description: Description of the picture, for screen readers.
         size: Width and height, px.
         area: Left, right, top and bottom of the rectangle, px.
         x_range: Horizontal values at its left and right.

@@ -1,4 +1,4 @@
-"""Dynamic time warping, only to be drawn: how far one run is ahead of the other, moment by moment. Never a verdict."""
+"""Dynamic time warping, for pictures only: one run's lead over the other, moment by moment. Never a verdict."""
 from typing import Optional, Tuple
 
 import numpy as np

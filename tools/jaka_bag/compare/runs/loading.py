@@ -386,7 +386,7 @@ def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale
 
     Args:
         path: A .bag or .mcap of ROS 1 messages.
-        tolerances: Which topics are left out, and which further fields are wanted.
+        tolerances: Topics to leave out, and further fields that are wanted.
         time_scale: The log ran this many times faster than the one it is compared with.
         kept_bytes: Decoded messages are kept up to this size; None for 64 MB.
 

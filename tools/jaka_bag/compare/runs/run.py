@@ -68,7 +68,7 @@ class Track:
     """Numbers over time, one row a sample; rows that repeat the stamp before them are left out.
 
     Attributes:
-        topic: Where they came from.
+        topic: Topic of the messages.
         names: One a column.
         time: header.stamp where there is one, else log time; s, shape (n,), ascending.
         value: Shape (n, len(names)).
@@ -117,10 +117,10 @@ class LongTrack:
     """A track of any length, of which a window at a time is read.
 
     Attributes:
-        topic: Where it came from.
+        topic: Topic of the messages.
         names: One a column.
-        facts: Of all samples.
-        windows: In the order of time; together they hold every sample.
+        facts: Facts of all samples.
+        windows: Windows in the order of time; together they hold every sample.
         between: Reads the samples of a window.
         frames: The header's frame ids, sorted; of poses only.
     """
@@ -175,18 +175,18 @@ class Call(NamedTuple):
     """One service call that a driver served.
 
     Attributes:
-        topic: The topic that tells of it.
-        start: When it arrived, s.
-        duration: Until it was answered, s.
+        topic: The topic on which the driver reports calls.
+        start: Time of arrival, s.
+        duration: Time until the answer, s.
         service: Resolved name.
         service_type: ``package/Type``.
-        md5sum: Of the type as the caller sent it.
-        request: As on the wire.
-        response: As on the wire; empty where there was none.
-        success: Answered, and successful as far as the type can tell.
-        error: Why not.
+        md5sum: MD5 sum of the type as the caller sent it.
+        request: Bytes on the wire.
+        response: Bytes on the wire; empty where there was none.
+        success: Answered, and successful as far as the type shows it.
+        error: The reason of a failure.
         request_text: Readable, a field a line.
-        response_text: As request_text.
+        response_text: Readable, a field a line.
     """
 
     topic: str
@@ -226,14 +226,14 @@ class Run:
     Attributes:
         path: The file.
         start_ns: Log time of the first message, ns since the epoch.
-        duration: To the last message, s.
-        streams: By topic.
+        duration: Time to the last message, s.
+        streams: Streams by topic.
         joints: Joint positions, rad, by topic; the columns are joints.
         poses: Tool poses, m and rotation vectors in rad, by topic; six columns.
         states: Whole numbers that stand for states, by topic; only the samples at which one changes, the first and
             the last.
         fields: Further numeric fields, by topic and field path.
-        calls: By time of arrival.
+        calls: Calls by time of arrival.
         windows: Windows of log time that hold all messages, each a bounded number of them.
     """
 

@@ -12,7 +12,7 @@ MOVING_RAD_S = 0.005
 _MERGE_S = 0.1
 _LEAST_TRAVEL_RAD = 0.003
 _SPEED_S = 0.024
-"""Speeds are taken over so long to either side."""
+"""Time, s, to either side over which speeds are taken."""
 _LEAST_STEP_S = 1e-4
 
 
@@ -25,7 +25,7 @@ class SpanFinder:
     """The motions of an arm, from rest to rest.
 
     Args:
-        reach: Speeds are taken over so many samples to either side.
+        reach: Number of samples to either side over which speeds are taken.
     """
 
     def __init__(self, reach: int) -> None:

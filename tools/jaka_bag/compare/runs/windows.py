@@ -30,7 +30,7 @@ class Rows(NamedTuple):
     Attributes:
         arrivals: Their times, s.
         time: header.stamp where there is one, else log time, s; what tracks go by.
-        values: By field (empty: what the topic is known for): shape (n, columns), and the rows that count (None: all).
+        values: Values by field (empty: the topic's own): shape (n, columns), and the rows that count (None: all).
     """
 
     arrivals: Arrivals

@@ -3,6 +3,6 @@
 records    the records, and the index that they make; without numpy
 reader     the contents of chunks as batches of messages
 writer     writes chunks and the index
-recovery   reads a cut-off, unindexed or damaged bag as far as that goes
+recovery   recovery of a cut-off, unindexed or damaged bag
 rosrecord  reads bags of version 1.2
 """

@@ -33,7 +33,7 @@ def _next_message(raw: bytes, begin: int) -> int:
 
 
 class BagRecovery(LogRecovery):
-    """See ``LogRecovery``."""
+    """The recovery of a .bag; see ``LogRecovery``."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
@@ -139,7 +139,7 @@ class BagRecovery(LogRecovery):
         return Stretch(begin, end, parsed.batch)
 
     def _chunk(self, at: int, raw_head: bytes) -> Generator[Stretch, None, int]:
-        """Yield a chunk's messages; return where the record behind it starts."""
+        """Yield a chunk's messages; return the start of the record after it."""
         try:
             head = fmt.parse_chunk_head(raw_head)
         except BagFormatError as error:

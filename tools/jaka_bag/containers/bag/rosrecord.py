@@ -1,6 +1,6 @@
-"""Reads bags of version 1.2 (ROS wiki, Bags/Format/1.2): records one behind the other, no chunks; never written.
+"""The reader of bags of version 1.2 (ROS wiki, Bags/Format/1.2): consecutive records, no chunks; never written.
 
-What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 from typing import BinaryIO, Counter, Dict, Iterator, List, NamedTuple, Optional, Tuple
@@ -34,11 +34,11 @@ class _Run(NamedTuple):
 
 
 class _Walk:
-    """Reads records in the order of the file; learns definitions and connections.
+    """A walk over records in the order of the file, which learns definitions and connections.
 
     Attributes:
         numbers: The connections in the order of their first messages, with their numbers.
-        at: Where the next record starts; the end of the file, or where it is damaged.
+        at: Start of the next record; the end of the file, or the position of damage.
     """
 
     def __init__(self, descriptor: int, size: int, connections: Tuple[Connection, ...] = ()) -> None:
@@ -131,7 +131,7 @@ class RosrecordReader(LogReader):
 
 
 class RosrecordRecovery(LogRecovery):
-    """See ``LogRecovery``; keeps what stands in front of the first damage."""
+    """The recovery of a bag of version 1.2 up to its first damage; see ``LogRecovery``."""
 
     def stretches(self) -> Iterator[Stretch]:
         """Yield all readable messages, in the order of the file."""

@@ -1,4 +1,4 @@
-"""Writes ROS bags, version 2.0, chunk by chunk with flat memory: single messages or batches."""
+"""The writer of ROS bags, version 2.0, chunk by chunk with flat memory: single messages or batches."""
 from typing import Dict, List, Optional, Tuple
 
 import numpy as np
@@ -50,7 +50,7 @@ class BagWriter(LogWriter):
     def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
         """Make a chunk of a batch (None where it has no message); see ``LogWriter.encode``.
 
-        The first chunk behind a new connection carries its record: ``rosbag reindex`` needs it there.
+        The first chunk after a new connection carries its record: ``rosbag reindex`` needs it there.
         """
         if not len(batch):
             return None

@@ -23,7 +23,7 @@ FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
 
 _MAX_UNKNOWN = 4096
-"""Bytes behind the data of a chunk record, fields that later versions may add, beyond which its length is damaged."""
+"""Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"

@@ -1,7 +1,6 @@
-"""The one walk over the records of an MCAP: reads a damaged one as far as that goes, and makes the index of a whole one
-that has no summary.
+"""The walk over an MCAP's records: recovery of a damaged one, and the index of a whole one without a summary.
 
-What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import zlib
@@ -27,7 +26,7 @@ _SMALLEST_CHUNK = 49
 
 
 class McapRecovery(LogRecovery):
-    """See ``LogRecovery``; the profile is ``ros1`` where the file's head is damaged."""
+    """The recovery of an MCAP; see ``LogRecovery``. The profile is ``ros1`` where the file's head is damaged."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
@@ -103,7 +102,7 @@ class McapRecovery(LogRecovery):
             raise BagFormatError("a record's length is damaged")
 
     def _other(self, at: int, opcode: int) -> int:
-        """Take up a record that holds no message; give where it ends."""
+        """Read a record that holds no message; return its end."""
         end = self._record_end(at)
         if opcode == 0 or opcode > 0x0F and opcode < 0x80:
             raise BagFormatError("a record of unknown kind %d" % opcode)

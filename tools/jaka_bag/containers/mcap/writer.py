@@ -1,4 +1,4 @@
-"""Writes MCAP files, chunk by chunk with flat memory: single messages (the recorder) or batches (conversion)."""
+"""The writer of MCAP files, chunk by chunk with flat memory: single messages (the recorder) or batches (conversion)."""
 import struct
 import zlib
 from typing import Dict, List, Optional, Tuple
@@ -107,7 +107,7 @@ class McapWriter(LogWriter):
         return begin
 
     def add_channel(self, connection: Connection) -> int:
-        """See ``LogWriter.add_channel``; MCAP can number only so many."""
+        """Return the number of a connection; see ``LogWriter.add_channel``. MCAP's numbers are limited."""
         known = self._channels.get(connection)
         if known is not None:
             return known
