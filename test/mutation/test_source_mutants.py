@@ -212,7 +212,7 @@ def test_verdicts_hold_for_their_state_and_name_the_likely_killer_on_another(tmp
 
 @pytest.mark.parametrize("path, is_another", [
     ("jaka_ros_driver/client/sums.py", True), ("test/client/test_sums.py", True), ("test/client/sums.yaml", True),
-    ("test/mutation/equivalent.yaml", False), ("test/__pycache__/sums.pyc", False), ("docs/sums.md", False)])
+    ("test/mutation/equivalent.yaml", False), ("test/__pycache__/sums.pyc", False), ("README.md", False)])
 def test_a_state_is_that_of_the_code_and_its_tests(checkout, path, is_another):
     folder = checkout(TESTS)
     before = generated.state_of(folder)

@@ -25,7 +25,7 @@ def test_the_same_is_0_and_different_is_1(golden, candidates, capsys):
 
 @pytest.mark.parametrize("arguments, words", [
     (["{golden}", "{golden}.nothing"], "cannot read"), (["{golden}"], "GOLDEN and CANDIDATE are needed"),
-    (["{golden}", "{same}", "-t", "{golden}.yaml"], "cannot read"),
+    (["{golden}", "{same}", "--tolerances", "{golden}.yaml"], "cannot read"),
     (["{golden}", "{same}", "--html", "{same}"], "is one of the logs"),
     (["{golden}", "{same}", "--time-scale", "0"], "above 0"),
 ])
@@ -36,10 +36,10 @@ def test_what_cannot_be_compared_is_2(golden, candidates, capsys, arguments, wor
 
 
 def test_reports_are_written_and_never_overwritten_unasked(golden, candidates, tmp_path, capsys):
-    names = {kind: tmp_path / ("report." + kind) for kind in ("html", "json", "junit")}
+    names = {kind: tmp_path / ("a." + kind) for kind in ("html", "report", "junit")}
     options = [word for kind, path in names.items() for word in ("--" + kind, str(path))]
     assert main(["compare", str(golden), str(candidates[1]), *options]) == 1
-    assert json.loads(names["json"].read_text())["same"] is False
+    assert json.loads(names["report"].read_text())["same"] is False
     assert names["html"].read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert "<failure" in names["junit"].read_text(encoding="utf-8")
     before = names["html"].read_bytes()
@@ -47,7 +47,7 @@ def test_reports_are_written_and_never_overwritten_unasked(golden, candidates, t
     assert "exists" in capsys.readouterr().err
     assert names["html"].read_bytes() == before
     assert main(["compare", str(golden), str(candidates[0]), *options, "--force"]) == 0
-    assert json.loads(names["json"].read_text())["same"] is True
+    assert json.loads(names["report"].read_text())["same"] is True
 
 
 def test_tolerances_are_printed_and_used(golden, candidates, tmp_path, capsys):
