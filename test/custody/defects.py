@@ -261,4 +261,4 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"), Defect(RecoversTwice, "recovery"),
     Defect(LeavesMoving, "goodbye", "state"), Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
     Defect(ForgetsLeft, "left", "a h"),
-    Defect(BlindGuard, "guard", is_guard=True), Defect(GuardStopsOnce, "guard", is_guard=True, first=331))
+    Defect(BlindGuard, "guard", is_guard=True), Defect(GuardStopsOnce, "guard", is_guard=True, first=250))

@@ -41,9 +41,9 @@ def test_a_trace_changes_nothing():
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("defect", defects.DEFECTS, ids=lambda defect: defect.make.__name__)
 def test_a_planted_defect_is_found(defect):
-    """Find it by its own rule; pass over a seed that ends first by a rule that is listed for the defect."""
+    """Find it by its own rule within 300 seeds; pass over one that ends first by a rule that is listed for the defect."""
     planted = {"make_stopping" if defect.is_guard else "make_core": defect.make}
-    for seed in [*SEEDS[defect.first - 1:], *SEEDS[:defect.first - 1]]:
+    for seed in range(defect.first, defect.first + len(SEEDS)):
         result = world.World(generator.generate(seed), **planted).run()
         broken = [*([result.broken] if result.broken else []), *result.awaited.values()]
         if defect.rule in [one.rule for one in broken]:
