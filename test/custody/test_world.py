@@ -41,7 +41,7 @@ def test_a_trace_changes_nothing():
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("defect", defects.DEFECTS, ids=lambda defect: defect.make.__name__)
 def test_a_planted_defect_is_found(defect):
-    """Find it by its own rule within 300 seeds; pass over one that ends first by a rule that is listed for the defect."""
+    """Find it by its own rule in 300 seeds; pass over one that ends first by a rule that is listed for the defect."""
     planted = {"make_stopping" if defect.is_guard else "make_core": defect.make}
     for seed in range(defect.first, defect.first + len(SEEDS)):
         result = world.World(generator.generate(seed), **planted).run()
