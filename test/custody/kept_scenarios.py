@@ -234,6 +234,12 @@ KEPT: Dict[str, Scenario] = {
         (4.1, "refuse_command", {"command": "servo_move", "duration": 1.29}), (4.4, "stop", {"caller": 9}),
         settings=dict(_SETTINGS, link_loss_stop=0.3), dialect={"stop_ends_servo": False, "starvation": "repeat"},
         start="enabled", auto_enable=True, has_guard=False),
+    "a frame of when the arm moved came twice, and servo mode began there": _scenario(
+        (6.868, "joint_move", _joint_move(0, -3.0, 1.8224, False, caller=2)), (8.1124, "stop", {"caller": 2}),
+        (8.1215, "servo_session", dict(_servo(0.2), is_pose=True, speed=0.036, axis=0, leaves=True)),
+        (8.3253, "feed_repeats", {"frames": 3, "age": 0.5}), length=20.0,
+        settings=dict(_SETTINGS, motion_timeout=4.0, link_loss_stop=0.0), firmware="1.7.2", start="enabled",
+        latency=(0.0001, 0.0005), lateness=0.0, ends="close", seed=60007053),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

@@ -23,6 +23,11 @@ _BEHIND_STATUS_S = 0.006
 Both come every 8 ms and are served by one thread, so that a stream whose frames fell due just after a status frame
 would stay behind the work for it, with all its hold-ups.
 """
+_RESTED_WITHIN = 0.02
+"""Distance, rad, of a joint from where the arm rested when servo mode was asked for, above which no frame is sent.
+
+It is twice the tolerance of a move's target; a frame that comes late or twice shows a moving arm farther away.
+"""
 _NEVER = float("inf")
 
 Frame = Union[ServoJoint, ServoPose]
@@ -47,7 +52,7 @@ class Streaming(ArmMotion):
             on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         self._custody = custody
-        self._state = state
+        self._state = self._begun_from = state
         self._observed_at = state.received_at
         self._on_mode = on_mode
         self._trace = ServoTrace()
@@ -108,11 +113,19 @@ class Streaming(ArmMotion):
 
     def observe(self, state: RobotState, now: float) -> None:
         self._state, self._observed_at = state, now
-        cause = self._contradiction(state) if self.is_streaming else None
+        cause = self._contradiction(state) if self.is_streaming else self._motion_before_the_stream(state)
         if cause is not None:
             self._custody.stop(cause, now)
         elif self._left_at is not None and self._custody.rest_since(self._left_at) >= self.rest_time:
             self._custody.finish(now)
+
+    def _motion_before_the_stream(self, state: RobotState) -> Optional[MotionInterrupted]:
+        """Return why no frame may be sent: the arm rested when this began, and is elsewhere before the first one."""
+        if self._is_entered or self._left_at is not None:
+            return None
+        away = max([abs(a - b) for a, b in zip(state.joint_position, self._begun_from.joint_position)])
+        return None if away <= _RESTED_WITHIN else MotionInterrupted(
+            StopCause.FAULT, "a joint is %.3f rad from where the arm rested before servo mode" % away)
 
     def tick(self, now: float) -> None:
         if self._confirming is not None:

@@ -46,6 +46,23 @@ def test_the_stream_begins_at_the_commanded_joints_where_the_arm_is_near_them(aw
     assert frames(story)[0] == pytest.approx([math.degrees(q + begins_at) for q in HOME], abs=1e-9)
 
 
+@pytest.mark.parametrize("away, is_stopped", [(0.0, False), (0.015, False), (-0.03, True), (0.6, True)])
+def test_an_arm_that_is_seen_elsewhere_before_the_first_frame_is_sent_none(away, is_stopped):
+    # A status frame of when the arm still moved may come late, or twice, just then.
+    story = Story()
+    story.replies["is_in_servomove"] = None
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    story.joints[0] += away
+    story.run(PERIOD)
+    story.joints[0] -= away
+    story.reply("is_in_servomove")
+    story.replies.pop("is_in_servomove")
+    story.run(0.05)
+    assert (not frames(story)) is is_stopped and without_stop(story) is not is_stopped
+    assert not is_stopped or "0.%03d rad from where" % (1000 * abs(away)) in str(story.error("servo"))
+
+
 @pytest.mark.parametrize("ms", [0, 1, 3, 5.5, 7, 8])
 def test_frames_begin_within_a_cycle_and_fall_between_two_status_frames_whenever_servo_mode_is_confirmed(ms):
     story = Story()
