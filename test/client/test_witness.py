@@ -115,3 +115,11 @@ def test_drives_that_the_controller_says_are_off_must_be_shown_off_once_within_h
         one.answer(Query.DRIVES_READY, is_ready)
     doubts = [bool(one.frame(0.0, is_enabled=number != shown_at)) for number in range(1, 9)]
     assert doubts == [shown_at is None and number == 6 for number in range(1, 9)]
+
+
+def test_an_answer_to_a_question_about_an_earlier_feed_says_nothing_of_the_new_one(one):
+    one.ask()
+    one.witness.forget()
+    one.frame(0.0)
+    one.answer(Query.JOINTS, joints(0.0))
+    assert not one.witness.is_trusted

@@ -185,12 +185,13 @@ def _forked(folder: Path, tests: Sequence[str], output: TextIO, limit: float, ki
         for name in ("line_tests", "mutate", "mutant", "mutants", "source_mutants", "generated"):
             sys.modules.pop(name, None)
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 5))
-        code = _run([killer]) if killer else _OK
-        if code in (_OK, _NO_TESTS):
+        result = _run([killer]) if killer else _OK
+        if result in (_OK, _NO_TESTS):
             for part in parts(tests):
-                code = _run(part)
-                if code:
+                result = _run(part)
+                if result:
                     break
+        code = result  # not before: a mutant may end the process by what it raises
     finally:
         sys.stdout.flush()
         os._exit(code)

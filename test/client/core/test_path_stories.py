@@ -363,3 +363,14 @@ def test_beside_its_end_an_arm_has_arrived_at_once_only_where_inpos_tells_so_of_
 def test_beside_the_end_of_a_single_segment_inpos_that_has_followed_it_tells_the_arrival():
     story = OnPath().begin("path", line(0.5, 0.1)).run(0.1).glide(500.0, 101.0, inpos=False).run(0.3)
     assert story.error("path") is None and story.count("stop_program") == 0
+
+
+def test_an_arm_that_is_under_way_before_the_last_segment_was_accepted_goes_on():
+    story = OnPath()
+    story.replies["moveL"] = None
+    story.begin("path", line(0.5, 0.1), line(0.5, 0.2)).run(0.05)
+    story.reply("moveL")
+    story.glide(450.0, 100.0)
+    assert story.error("path") == "pending" and story.count("moveL") == 2
+    story.reply("moveL")
+    assert story.glide(500.0, 100.0).glide(500.0, 200.0).run(0.5).error("path") is None

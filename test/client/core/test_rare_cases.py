@@ -2,7 +2,7 @@
 import math
 
 import pytest
-from stories import HOME, Story
+from stories import HOME, PERIOD, Story
 
 from jaka_ros_driver.client.core.actions import Close, Open, Port
 from jaka_ros_driver.client.core.procedures import pausing, power, session, settings
@@ -215,6 +215,18 @@ def test_a_tool_that_is_not_where_it_was_sent_is_stopped(away, stops):
     assert story.count("stop_program") == stops and story.core.is_free is False
 
 
+@pytest.mark.parametrize("away, stops", [(25.0, 0), (35.0, 1)])
+def test_a_tool_that_drifts_away_from_where_it_was_sent_is_stopped(away, stops):
+    # 30 mm are allowed; the tool goes there so slowly that nothing jumps.
+    story = in_servo_mode().run(0.2)
+    story.core.set_servo_target(ServoPose(Pose((0.001, 0.0, 0.0), (0.0, 0.0, 0.0)), True), story.now)
+    story.run(0.2)
+    for _ in range(100):
+        story.tcp[1] += away / 100.0
+        story.run(0.008)
+    assert story.count("stop_program") == stops
+
+
 def in_servo_mode():
     story = Story()
     story.core.servo_mode("servo", True, story.now)
@@ -419,3 +431,25 @@ def test_who_was_held_up_says_so():
     story.core.tick(story.now)
     story.perform()
     assert "the driver was held up for 5.0 s" in str(story.error("move"))
+
+
+def test_a_joint_that_jumps_in_a_motion_stops_it_with_the_very_frame():
+    story = Story()
+    story.core.move("move", to(1.0), True, story.now)
+    story.run(0.3, move=1.0, **MOVING)
+    before = story.count("stop_program")
+    story.frame(joint_actual_position=[math.degrees(q + 1.5) for q in story.joints], **MOVING)
+    assert story.count("stop_program") == before + 1
+    story.run(1.0)
+    assert "jumps" in str(story.error("move"))
+
+
+def test_who_was_held_up_asks_the_controller_at_once():
+    story = Story()
+    asked = story.count("is_in_servomove")
+    while story.count("is_in_servomove") == asked:
+        story.run(PERIOD)
+    story.now += 0.16
+    story.core.tick(story.now)
+    story.perform()
+    assert story.count("is_in_servomove") == asked + 2
