@@ -282,10 +282,15 @@ def test_it_stands_still_while_nobody_watches(shown, long_log):
     server = shown(long_log[0], speed=20.0)
     with Watching(server) as watching:
         watching.count(50)
-    waiting.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
-    stood_at, sent_to = server._source._clock.position(time.monotonic()), server._source._sent_to
+    source = server._source
+
+    def position():
+        return source._clock.position(time.monotonic())
+
+    waiting.wait_until(lambda: not source._topics and position() == position(), "it is noticed that nobody watches")
+    stood_at, sent_to = position(), source._sent_to
     time.sleep(0.3)  # what must not come has no other sign
-    assert server._source._clock.position(time.monotonic()) == stood_at
+    assert position() == stood_at
     with Watching(server) as watching:
         watching.count(10)
         assert sorted(moment for _, moment, _ in watching.messages)[4] > sent_to
