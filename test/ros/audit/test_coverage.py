@@ -24,14 +24,14 @@ from std_srvs.srv import Trigger, TriggerResponse
 from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.services import table as service_table
 
-begin = node.Driver.start
+begin = node.DriverNode.start
 
 def start(driver):
     rospy.Service("~planted", Trigger, lambda request: TriggerResponse(True, "moved"))
     rospy.Subscriber("~planted_command", Float64, lambda message: None)
     begin(driver)
 
-node.Driver.start = start
+node.DriverNode.start = start
 (recover,) = [spec for spec in service_table.SERVICES if spec.name == "recover"]
 service_table.SERVICES += (recover._replace(name="planted_in_the_table"),)
 sys.exit(node.main(sys.argv[1:]))
