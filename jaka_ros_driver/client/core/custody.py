@@ -289,7 +289,7 @@ class Custody:
             cause = cause_of_stop(self.motion.owner, ArmEvidence(
                 self._state, False, is_active, self.motion.wants_servo_mode(asked_at)))
             if cause is not None:
-                self.stop(cause, now)
+                self.stop(cause, now, is_guess=True)
 
     def tick(self, now: float) -> None:
         motion = self.motion
