@@ -149,7 +149,10 @@ class Custody:
 
         It is 0 where the frames may be older than that moment.
         """
-        return self.stillness.duration(moment) if self.is_shown_since(moment) else 0.0
+        resting = self.stillness.duration(moment)
+        if resting <= 0.0:
+            return 0.0
+        return resting if self.is_shown_since(max(moment, self.stillness.since)) else 0.0
 
     def is_shown_since(self, moment: float) -> bool:
         """Return whether the feed has certainly shown what there was to be seen at that moment, s."""

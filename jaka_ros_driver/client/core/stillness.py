@@ -79,6 +79,11 @@ class Stillness:
         """Forget the last frame: it proves nothing about the next one."""
         self._anchor = None
 
+    @property
+    def since(self) -> float:
+        """Moment, s, since which no frame has shown the arm move."""
+        return self._since
+
     def duration(self, after: float = 0.0) -> float:
         """Return for how long the arm has been seen at rest, s, counted from ``after`` at the earliest.
 
