@@ -247,7 +247,8 @@ class Defect(NamedTuple):
 
 DEFECTS: Tuple[Defect, ...] = (
     Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "m", "c e", first=157),
-    Defect(StopsForCallsOnly, "j", "a c e h m q v late against left"), Defect(JogsOn, "c", "b"), Defect(StopsLater, "i"),
+    Defect(StopsForCallsOnly, "j", "a c e h m q v late against left"),
+    Defect(JogsOn, "c", "b"), Defect(StopsLater, "i"),
     Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"), Defect(AnswersTwice, "e"), Defect(AnswersNever, "e", "b t"),
     Defect(AnswersGood, "e"), Defect(PowersAgain, "d", "n"), Defect(JumpsInServo, "f"), Defect(StreamsOn, "f", "t"),
     Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g", "age", first=30), Defect(GuardIsNotTold, "h", "state"),

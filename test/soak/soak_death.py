@@ -30,7 +30,7 @@ DEATHS = {"SIGKILL": signal.SIGKILL, "SIGSEGV": signal.SIGSEGV, "SIGSTOP": signa
 def deaths_of(live, number, motion, repeats):
     """Return (moment of the signal, moment at which the arm was seen at rest) of each repeat."""
     moments = []
-    for repeat in range(repeats):
+    for _ in range(repeats):
         if live.process.poll() is not None:
             live.start()
         live.arm.wait_until_seen()
