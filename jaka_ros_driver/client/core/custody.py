@@ -462,7 +462,7 @@ class Sight(Protocol):
 
     @property
     def is_in_question(self) -> bool:
-        """True while the feed has not shown what the controller answered, and was known to show it."""
+        """True while the feed has not shown what the controller answered, and may show it."""
 
     def fresh_state(self, now: float) -> RobotState:
         """Return the newest state; raise ConnectionLost where it is stale."""

@@ -118,8 +118,8 @@ class Links:
 
     @property
     def is_in_question(self) -> bool:
-        """True while the feed has not shown what the controller answered, and was known to show it."""
-        return self._witness.is_trusted and self._witness.is_unanswered
+        """True while the feed has not shown what the controller answered, and may show it."""
+        return self._witness.can_tell and self._witness.is_unanswered
 
     def fresh_state(self, now: float) -> RobotState:
         """Return the newest state.
