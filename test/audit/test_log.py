@@ -181,13 +181,18 @@ def test_a_second_process_does_not_write_the_same_log(begin, place):
     assert [line["who"] for line in lines(place)] == ["first", "second"] and whole(place).lines == 2
 
 
-@pytest.mark.parametrize("cut", [1, 2, 40, 200])
-def test_a_line_that_was_cut_off_stays_and_the_next_start_says_so(begin, place, cut):
+def file_of_three_calls(begin, place):
+    """Write three calls of some 200 bytes each, end the log, and return the path of its file."""
     log = begin()
     for number in range(3):
         log.write("call", {"number": number, "text": "x" * 200})
     log.close(PATIENCE_S)
-    path = os.path.join(place, files(place)[0])
+    return os.path.join(place, files(place)[0])
+
+
+@pytest.mark.parametrize("cut", [1, 2, 40, 200])
+def test_a_line_that_was_cut_off_stays_and_the_next_start_says_so(begin, place, cut):
+    path = file_of_three_calls(begin, place)
     with open(path, "rb+") as file:
         file.truncate(os.path.getsize(path) - cut)
     with open(path, "rb") as file:
@@ -216,11 +221,7 @@ def test_a_line_that_was_cut_off_stays_and_the_next_start_says_so(begin, place, 
 
 
 def test_a_file_that_has_its_size_is_ended_before_the_next_one_begins(begin, place):
-    log = begin()
-    for number in range(3):
-        log.write("call", {"number": number, "text": "x" * 200})
-    log.close(PATIENCE_S)
-    path = os.path.join(place, files(place)[0])
+    path = file_of_three_calls(begin, place)
     with open(path, "rb+") as file:
         file.truncate(os.path.getsize(path) - 100)
     again = begin(file_bytes=500)

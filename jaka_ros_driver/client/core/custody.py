@@ -166,6 +166,7 @@ class Custody:
         return self._is_seen(self._shown.answered_until, moment)
 
     def _is_seen(self, until: float, moment: float) -> bool:
+        """Return whether what was seen until then covers a moment; where it does not, have the controller asked."""
         if until < moment < _NEVER:
             self.question_due = max(self.question_due, moment)
         return until >= moment

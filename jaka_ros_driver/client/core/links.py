@@ -311,12 +311,12 @@ class Links:
         """
         lasted = self._command.lasted(now)
         is_all_well = (self._has_sight and self._status.is_up and now - self._held_up_at > _GUARD_ACTS_S
-                       and self._feed.fresh_state(self._settings.stale_after, now) is not None)
-        if is_all_well and self._command.is_up and (self._channel.was_answered or not self._may_be_held):
+                       and self._feed.fresh_state(self._settings.stale_after, now) is not None
+                       and (self._channel.was_answered or not self._may_be_held))
+        if is_all_well and self._command.is_up:
             self._takeovers.note(lasted, now)
         was_giving_way = self._command.gives_way(now)
-        is_taken = is_all_well and (was_giving_way or self._takeovers.are_rivalry(now)) and not (
-            self._may_be_held and not self._channel.was_answered)
+        is_taken = is_all_well and (was_giving_way or self._takeovers.are_rivalry(now))
         if is_taken:
             reason = "%s: %s" % (self._takeovers, reason)
         self._command.lost(reason, now)

@@ -7,7 +7,7 @@ import time
 
 import pytest
 from arm_bench import fill
-from guarded_driver import ROOT, GuardedDriver
+from guarded_driver import ROOT
 from waiting import WAIT, eventually
 
 from jaka_ros_driver.client.driver_pipe import OUTLIVED
@@ -16,20 +16,6 @@ from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.replies import CommandRefused
-
-
-@pytest.fixture
-def driver(bench):
-    started = []
-
-    def start(motion, **options):
-        one = bench(**options)
-        started.append(GuardedDriver(one, motion))
-        return one, started[-1]
-
-    yield start
-    for process in started:
-        process.kill()
 
 
 @pytest.fixture

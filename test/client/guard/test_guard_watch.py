@@ -7,7 +7,6 @@ import time
 
 import pytest
 from arm_bench import processes_with
-from guarded_driver import GuardedDriver
 from waiting import WAIT, eventually
 
 from jaka_ros_driver.client import guard_post
@@ -16,20 +15,6 @@ from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT_S, GuardPost
 
 COMMAND_PORT, STATUS_PORT = 9, 10
 """Nobody listens there; a guard whose driver moves nothing never connects."""
-
-
-@pytest.fixture
-def driver(bench):
-    started = []
-
-    def start(motion):
-        one = bench()
-        started.append(GuardedDriver(one, motion))
-        return one, started[-1]
-
-    yield start
-    for process in started:
-        process.kill()
 
 
 @pytest.fixture
