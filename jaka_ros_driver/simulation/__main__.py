@@ -11,6 +11,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.simulation.arm.servo import Starvation
+from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
@@ -43,7 +44,8 @@ def _serve(arguments: List[str]) -> int:
               % options.host, file=sys.stderr)
     try:
         settings["dialect"] = _dialect(options.dialect, settings.pop("dialect_seed"), options.firmware)
-        arm = SimulatedController(**settings)
+        path = settings.pop("begin_with")
+        arm = SimulatedController(**settings, beginning=Beginning.from_file(path) if path else None)
         stop_on_signals(arm.stop)
         print_ports({**arm.server.port_numbers, "panel": arm.panel_port})
         arm.run()
@@ -94,6 +96,8 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--starvation", choices=[s.value for s in Starvation], help="a servo stream that runs dry: "
                         "hold, repeat the last increment, coast to rest, fail; instead of the dialect's")
     parser.add_argument("--start", default="off", choices=["off", "powered", "enabled"], help="default off")
+    parser.add_argument("--begin-with", metavar="FILE", help="YAML or JSON: joints, tool, user frame, payload, "
+                        "collision level, speed override and terminals at the start; see docs/simulation.md")
     parser.add_argument("--power-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
     parser.add_argument("--enable-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the wire faults, default 0")

@@ -16,6 +16,7 @@ from typing import Any, Dict, Optional, Type
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Options, Start
@@ -49,7 +50,8 @@ class SimulatedController:
                  starvation: Optional[str] = None, single_client: Optional[str] = None, seed: int = 0,
                  log: Optional[str] = None, host: str = LOOPBACK, command_port: int = 0, status_port: int = 0,
                  poll_port: int = 0, panel_port: Optional[int] = 0, identity: Optional[str] = None,
-                 io_index_base: Optional[int] = None, force_sensor: bool = False) -> None:
+                 io_index_base: Optional[int] = None, force_sensor: bool = False,
+                 beginning: Optional[Beginning] = None) -> None:
         """Listen on the ports.
 
         Args:
@@ -73,6 +75,7 @@ class SimulatedController:
             identity: Answer to ``get_simulator_identity``; None for a unique text.
             io_index_base: Instead of the dialect's: index of the first terminal in commands, 0 or 1.
             force_sensor: True for a force and torque sensor at the flange.
+            beginning: Joints, tool, user frame, load and terminals at the start; None for the usual ones.
 
         Raises:
             InvalidCommand: A value is not one of those above.
@@ -95,7 +98,9 @@ class SimulatedController:
             (dialect or Dialect.default(firmware)).replaced(_given(instead)), **_given(delays))
         options = Options(self.dialect, _one_of("start", start, {s.value: s for s in Start}),
                           MIN_FEED_PERIOD_S * time_scale, identity, force_sensor)
-        controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
+        begun = beginning or Beginning({})
+        controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options, begun.joint_position)
+        begun.apply(controller.state)
         self._log = WireLog(log) if log else None
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
         if panel_port is not None:
