@@ -4,11 +4,13 @@ from typing import Any, Callable, Iterator
 
 import rospy
 from actionlib import ActionServer
+from actionlib.server_goal_handle import ServerGoalHandle
+from actionlib_msgs.msg import GoalID, GoalStatus
 
 from jaka_ros_driver.ros.audit.recorder import Recorder
 
 
-class QuietActionServer(ActionServer):  # type: ignore[misc]
+class QuietActionServer(ActionServer):
     """An action server that records goals, cancels and results, and raises nothing once the node's end closed its
     topics.
 
@@ -16,7 +18,8 @@ class QuietActionServer(ActionServer):  # type: ignore[misc]
     and actionlib checks only that.
     """
 
-    def __init__(self, name: str, spec: Any, take: Callable[[Any], None], cancel: Callable[[Any], None],
+    def __init__(self, name: str, spec: Any, take: Callable[[ServerGoalHandle], None],
+                 cancel: Callable[[ServerGoalHandle], None],
                  recorder: Recorder) -> None:
         """Set up the server; ``start`` begins.
 
@@ -37,7 +40,7 @@ class QuietActionServer(ActionServer):  # type: ignore[misc]
         self._recorder.goal(self._name, goal)
         super().internal_goal_callback(goal)
 
-    def internal_cancel_callback(self, goal_id: Any) -> None:
+    def internal_cancel_callback(self, goal_id: GoalID) -> None:
         """Take a cancel from the topic."""
         self._recorder.cancel(self._name, goal_id)
         super().internal_cancel_callback(goal_id)
@@ -47,13 +50,13 @@ class QuietActionServer(ActionServer):  # type: ignore[misc]
         with _closed_only_at_the_end():
             super().publish_status()
 
-    def publish_result(self, status: Any, result: Any) -> None:
+    def publish_result(self, status: GoalStatus, result: Any) -> None:
         """Publish the result of a goal, and the status of all."""
         self._recorder.result(self._name, status, result)
         with _closed_only_at_the_end():
             super().publish_result(status, result)
 
-    def publish_feedback(self, status: Any, feedback: Any) -> None:
+    def publish_feedback(self, status: GoalStatus, feedback: Any) -> None:
         """Publish the progress of a goal."""
         with _closed_only_at_the_end():
             super().publish_feedback(status, feedback)

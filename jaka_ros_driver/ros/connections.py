@@ -53,7 +53,7 @@ class PooledConnection:
 
     __slots__ = ("sock", "idle_since")
 
-    def __init__(self, sock: Any, now: float) -> None:
+    def __init__(self, sock: socket.socket, now: float) -> None:
         self.sock = sock
         self.idle_since = now
 
@@ -82,7 +82,7 @@ class ConnectionPool:
         self._connections: Dict[PooledConnection, None] = {}
         self._logged_at = -_BUSY
 
-    def add(self, sock: Any) -> PooledConnection:
+    def add(self, sock: socket.socket) -> PooledConnection:
         """Add a connection; where there are too many, older ones are ended."""
         connection = PooledConnection(sock, time.monotonic())
         with self._lock:
@@ -148,7 +148,7 @@ def serve_from_the_start() -> None:
     tcpros_base.TCPROSServer._tcp_server_callback = _shake_hands_in_background
 
 
-def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
+def keep_serving(service_handler: Callable[[socket.socket, Any, Dict[str, str]], Optional[str]]) -> None:
     """Bound the connections of this process; call once, after ``serve_from_the_start`` and init_node.
 
     Args:
@@ -221,7 +221,7 @@ class _AcceptingSocket:
                     time.sleep(_RETRY_PERIOD_S)
 
 
-def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
+def _shake_hands_in_background(server: tcpros_base.TCPROSServer, sock: socket.socket, address: Any) -> None:
     connection = _HANDSHAKES.add(sock)
     try:
         threading.Thread(target=_shake_hands, args=(server, connection, address), name="handshake", daemon=True).start()
@@ -231,7 +231,7 @@ def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -
         _make_room()
 
 
-def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> None:
+def _shake_hands(server: tcpros_base.TCPROSServer, connection: PooledConnection, address: Any) -> None:
     """Handle a new connection as rospy's TCPROSServer does, but wait for the peer for a limited time only."""
     sock = connection.sock
     try:
@@ -291,10 +291,7 @@ def _read_exactly(sock: socket.socket, count: int, deadline: float) -> bytes:
 
 
 def _prepare_xmlrpc() -> None:
-    """Bound the connections of the node's XML-RPC port, each of which takes a descriptor and a thread, too.
-
-    The class is changed, because rospy keeps no reference to the running server.
-    """
+    """Bound the connections of the node's XML-RPC port, each of which takes a descriptor and a thread, too."""
     server = rosgraph.xmlrpc.ThreadingXMLRPCServer
     rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT_S
     accept, process, close = server.get_request, server.process_request, server.shutdown_request
@@ -318,4 +315,7 @@ def _prepare_xmlrpc() -> None:
             _XMLRPC_CONNECTIONS.remove(connection)
         close(self, request)
 
-    server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request
+    # rospy keeps no reference to the running server, so that the methods of its class are replaced.
+    server.get_request = get_request  # type: ignore[method-assign]
+    server.process_request = process_request  # type: ignore[method-assign]
+    server.shutdown_request = shutdown_request  # type: ignore[method-assign]

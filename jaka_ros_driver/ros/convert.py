@@ -7,8 +7,10 @@ value beyond its limits.
 """
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
+from enum import IntEnum
+from typing import TYPE_CHECKING, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
+import genpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
@@ -28,6 +30,11 @@ from jaka_ros_driver.kinematics.rotations import (
 from jaka_ros_driver.state import BusTerminals, IoBank, IoState, RobotState
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m, all_rad_to_deg, mm_to_m
 
+if TYPE_CHECKING:  # a jaka_msgs from elsewhere (JAKA_MSGS_EXTERNAL=1) lacks some of them
+    from std_srvs.srv import SetBoolRequest
+
+    from jaka_msgs import srv as requests
+
 SLOWEST = 0.01
 """Smallest share of the programmed speed that a caller can set; pause brings the arm to rest."""
 COLLISION_STEPS = (25, 50, 75, 100)
@@ -37,6 +44,7 @@ VENDOR_IO_FAILURE = -999999.0
 VENDOR_KINEMATICS_FAILURE = 9999.0
 """The value of each number in the maker's reply to a failed get_fk or get_ik (docs/interface.md section 5)."""
 
+_Member = TypeVar("_Member", bound=IntEnum)
 _JOINTS = "six joint angles, rad"
 _QUATERNION_TOLERANCE = 1e-3
 _LONGEST_ROTATION = 2.0 * math.pi
@@ -84,14 +92,14 @@ class RequestDecoder:
         self.is_vendor = is_vendor
         self._blends = blends
 
-    def joint_move(self, request: Any) -> c.JointMove:
+    def joint_move(self, request: "requests.MoveRequest") -> c.JointMove:
         """Decode a Move: ``pose`` is joint angles, rad; ``mvvelo`` rad/s; ``mvacc`` rad/s2."""
         return c.JointMove(self._joint_target("pose", request.pose),
                            _settled_speed(_positive("mvvelo", request.mvvelo), limits.joint_speed_limit(self._model)),
                            _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING),
                            self._blend_radius(request) or 0.0)
 
-    def linear_move(self, request: Any) -> c.LinearMove:
+    def linear_move(self, request: "requests.MoveRequest") -> c.LinearMove:
         """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2.
 
         In the vendor's interface the rotation is the inverse; in that of 2025 the last three are roll, pitch and yaw,
@@ -112,7 +120,7 @@ class RequestDecoder:
                        angular_acceleration=move.turn_acceleration,
                        tolerance=self._blend_radius(request) or move.tolerance)
 
-    def jog(self, request: Any) -> c.Jog:
+    def jog(self, request: "requests.MoveRequest") -> c.Jog:
         """Decode a Move: speed ``mvvelo``, or ``mvacc`` where that is 0; rad/s, along x, y, z mm/s."""
         frame = _member("coord_mode", request.coord_mode, c.JogFrame)
         _whole("index", request.index, 0, 11)
@@ -123,17 +131,17 @@ class RequestDecoder:
                                limits.jog_speed_limit(jog, self._model))
         return replace(jog, velocity=-speed if is_negative else speed)
 
-    def servo_mode(self, request: Any) -> bool:
+    def servo_mode(self, request: "requests.ServoMoveEnableRequest") -> bool:
         """Decode a ServoMoveEnable: True to enter servo mode."""
         return bool(request.enable)
 
-    def servo_joint(self, request: Any) -> c.ServoJoint:
+    def servo_joint(self, request: "requests.ServoMoveRequest") -> c.ServoJoint:
         """Decode a ServoMove: ``pose`` is joint angles, rad; in the vendor's interface an increment."""
         if self.is_vendor:
             return c.ServoJoint(_numbers("pose", request.pose, "six joint increments, rad"), relative=True)
         return c.ServoJoint(self._joint_target("pose", request.pose))
 
-    def servo_pose(self, request: Any) -> c.ServoPose:
+    def servo_pose(self, request: "requests.ServoMoveRequest") -> c.ServoPose:
         """Decode a ServoMove: x, y, z, m, and rpy, rad; in the vendor's interface increments, mm and rad."""
         pose = _numbers("pose", request.pose, "x y z, %s, and roll pitch yaw, rad" % ("mm" if self.is_vendor else "m"))
         position = all_mm_to_m(pose[:3]) if self.is_vendor else pose[:3]
@@ -167,11 +175,11 @@ class RequestDecoder:
         scale = 2.0 * math.atan2(sin_half, w) / sin_half if sin_half > 0.0 else 0.0
         return c.ServoPose(c.Pose(position, rpy_from_rotation_vector((x * scale, y * scale, z * scale))))
 
-    def path(self, goal: Any) -> Tuple[c.PathCommand, ...]:
+    def path(self, goal: "messages.MovePathGoal") -> Tuple[c.PathCommand, ...]:
         """Decode a MovePath: segments in ROS units, the same in both interfaces."""
         return tuple(self._segment("segments[%d]." % n, segment) for n, segment in enumerate(goal.segments))
 
-    def _segment(self, name: str, segment: Any) -> c.PathCommand:
+    def _segment(self, name: str, segment: "messages.PathSegment") -> c.PathCommand:
         speed = _positive(name + "speed", segment.speed)
         acceleration = _positive(name + "acceleration", segment.acceleration)
         radius = _finite(name + "blend_radius", segment.blend_radius)
@@ -186,7 +194,7 @@ class RequestDecoder:
             return c.ArcMove(_pose_in_m(name + "via", segment.via), target, speed, acceleration, radius)
         raise InvalidCommand("%stype is %d; valid: 0 joint, 1 line, 2 arc" % (name, segment.type))
 
-    def _blend_radius(self, request: Any) -> Optional[float]:
+    def _blend_radius(self, request: "requests.MoveRequest") -> Optional[float]:
         """Return the blend radius of a Move, m; None where its target is to be met.
 
         The radius is how far the tool may pass the target on its way to the next one.
@@ -202,20 +210,20 @@ class RequestDecoder:
         return tuple(_settled(value, low, high) for value, (low, high) in zip(
             _numbers(name, values, _JOINTS), self._model.joint_limits))
 
-    def nothing(self, request: Any) -> None:
+    def nothing(self, request: genpy.Message) -> None:
         """Decode a request without fields."""
 
-    def tool_frame(self, request: Any) -> c.SetToolFrame:
+    def tool_frame(self, request: "requests.SetTcpFrameRequest") -> c.SetToolFrame:
         """Decode a SetTcpFrame: ``pose`` is x, y, z, mm, and a rotation vector, rad."""
         _whole("tool_num", request.tool_num, *limits.TOOL_IDS)
         return c.SetToolFrame(request.tool_num, _frame_pose(request.pose), "tool_%d" % request.tool_num)
 
-    def user_frame(self, request: Any) -> c.SetUserFrame:
+    def user_frame(self, request: "requests.SetUserFrameRequest") -> c.SetUserFrame:
         """Decode a SetUserFrame: ``pose`` is x, y, z, mm, and a rotation vector, rad."""
         _whole("user_num", request.user_num, *limits.USER_FRAME_IDS)
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
-    def payload(self, request: Any) -> ToolPayload:
+    def payload(self, request: "requests.SetPayloadRequest") -> ToolPayload:
         """Decode a SetPayload: mass, kg, centre of mass, mm. It is audited here, because the tool is selected first."""
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
@@ -224,29 +232,29 @@ class RequestDecoder:
         limits.check(load, self._model)
         return ToolPayload(request.tool_num, load)
 
-    def switch(self, request: Any) -> bool:
+    def switch(self, request: "SetBoolRequest") -> bool:
         """Decode a SetBool: its ``data``."""
         return bool(request.data)
 
-    def collision_level(self, request: Any) -> int:
+    def collision_level(self, request: "requests.SetCollisionRequest") -> int:
         """Decode a SetCollision: 10 to 100 to the levels 1 to 4, 0 where off (docs/interface.md section 2)."""
         if not request.is_enable:
             return 0
         _whole("value", request.value, COLLISION_LOWEST, COLLISION_STEPS[-1])
         return 1 + sum(request.value > step for step in COLLISION_STEPS)
 
-    def speed(self, request: Any) -> float:
+    def speed(self, request: "requests.SetSpeedSliderRequest") -> float:
         """Decode a SetSpeedSlider."""
         fraction = _finite("speed_slider_fraction", request.speed_slider_fraction)
         if not SLOWEST <= fraction <= 1.0:
             raise InvalidCommand("speed_slider_fraction is %.9g; valid: %g to 1" % (fraction, SLOWEST))
         return fraction
 
-    def program_name(self, request: Any) -> str:
+    def program_name(self, request: "requests.LoadProgramRequest") -> str:
         """Decode a LoadProgram: the name, which the audit checks."""
         return str(request.name)
 
-    def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
+    def output(self, request: "requests.SetIORequest") -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Decode a SetIO. Any value but 0 switches a digital output on."""
         bank = _member("type", request.type, IoBank)
         index = _whole("index", request.index, *limits.IO_INDICES)
@@ -255,18 +263,18 @@ class RequestDecoder:
             return c.SetDigitalOutput(bank, index, value != 0.0)
         return c.SetAnalogOutput(bank, index, value)
 
-    def terminal(self, request: Any) -> Terminal:
+    def terminal(self, request: "requests.GetIORequest") -> Terminal:
         """Decode a GetIO."""
         is_digital = _is_digital(request.signal)
         is_output = _whole("path", request.path, 0, 1) == 1
         return Terminal(is_digital, is_output, _member("type", request.type, IoBank),
                         _whole("index", request.index, *limits.IO_INDICES))
 
-    def forward(self, request: Any) -> c.ForwardKinematics:
+    def forward(self, request: "requests.GetFKRequest") -> c.ForwardKinematics:
         """Decode a GetFK: joint angles, rad."""
         return c.ForwardKinematics(_numbers("joint", request.joint, _JOINTS))
 
-    def inverse(self, request: Any) -> c.InverseKinematics:
+    def inverse(self, request: "requests.GetIKRequest") -> c.InverseKinematics:
         """Decode a GetIK: ``cartesian_pose`` is x, y, z, mm, and rpy, rad; ``ref_joint`` joint angles, rad."""
         pose = _numbers("cartesian_pose", request.cartesian_pose, "x y z, mm, and roll pitch yaw, rad")
         return c.InverseKinematics(c.Pose(all_mm_to_m(pose[:3]), pose[3:]),
@@ -280,7 +288,7 @@ def wire_pose(pose: c.Pose) -> Tuple[float, ...]:
 
 # ---- state to messages ----
 
-def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
+def tool_position(state: RobotState, stamp: genpy.Time, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
     """Return the message of ``~tool_position``: m and rotation vector, rad (vendor's interface: mm and rpy, deg).
 
     It is None where the controller does not report the pose.
@@ -300,7 +308,7 @@ def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool)
     return message
 
 
-def tool_pose(state: RobotState, stamp: Any, frame_id: str) -> Optional[PoseStamped]:
+def tool_pose(state: RobotState, stamp: genpy.Time, frame_id: str) -> Optional[PoseStamped]:
     """Return the message of ``~tool_position`` in the vendor's interface of 2025: mm and unit quaternion.
 
     It is None where the controller does not report the pose.
@@ -316,7 +324,7 @@ def tool_pose(state: RobotState, stamp: Any, frame_id: str) -> Optional[PoseStam
     return message
 
 
-def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
+def joint_position(state: RobotState, stamp: genpy.Time, names: Sequence[str],
                    velocity: Optional[Sequence[float]]) -> JointState:
     """Return a JointState: positions, rad, and velocities, rad/s, where these are known."""
     message = JointState()
@@ -338,7 +346,7 @@ def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> R
         collision_state=int(state.protective_stop))
 
 
-def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: Any) -> TransformStamped:
+def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: genpy.Time) -> TransformStamped:
     """Return a TransformStamped: m and unit quaternion."""
     message = TransformStamped()
     message.header.stamp = stamp
@@ -350,7 +358,7 @@ def transform_message(parent_t_child: Transform, parent: str, child: str, stamp:
     return message
 
 
-def io_states(io: IoState, stamp: Any) -> Any:
+def io_states(io: IoState, stamp: genpy.Time) -> "messages.IOStates":
     """Return the message of ``~io_states`` (jaka_msgs/IOStates)."""
     message = messages.IOStates()
     message.header.stamp = stamp
@@ -364,14 +372,14 @@ def io_states(io: IoState, stamp: Any) -> Any:
     return message
 
 
-def _io_bank(terminals: BusTerminals) -> Any:
+def _io_bank(terminals: BusTerminals) -> "messages.IOBank":
     return messages.IOBank(
         digital_inputs=list(map(bool, terminals.digital_inputs)),
         digital_outputs=list(map(bool, terminals.digital_outputs)),
         analog_inputs=list(terminals.analog_inputs), analog_outputs=list(terminals.analog_outputs))
 
 
-def wrench(values: Sequence[float], stamp: Any, frame_id: str) -> WrenchStamped:
+def wrench(values: Sequence[float], stamp: genpy.Time, frame_id: str) -> WrenchStamped:
     """Return the message of ``~wrench``: force, N, and torque, N m, shape (6,)."""
     message = WrenchStamped()
     message.header.stamp = stamp
@@ -444,7 +452,7 @@ def _whole(name: str, value: int, low: int, high: int) -> int:
     return int(value)
 
 
-def _member(name: str, value: int, kind: Any) -> Any:
+def _member(name: str, value: int, kind: "Type[_Member]") -> "_Member":
     try:
         return kind(value)
     except ValueError:

@@ -5,7 +5,7 @@ existing connections are left as they are.
 """
 import logging
 import threading
-from typing import Any, Callable
+from typing import Callable
 from xmlrpc.client import Error as XmlRpcError
 
 import rosgraph
@@ -70,7 +70,7 @@ def register_all() -> None:
     """Register everything that this process publishes, subscribes to and serves, as if it were new."""
     listeners = registration.get_registration_listeners()
     topics, services = registration.get_topic_manager(), registration.get_service_manager()
-    kinds: Any = registration.Registration
+    kinds = registration.Registration
     for name, data_type in topics.get_publications():
         listeners.notify_added(name, data_type, kinds.PUB)
     for name, data_type in topics.get_subscriptions():

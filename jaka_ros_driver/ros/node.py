@@ -36,7 +36,7 @@ from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
 from jaka_ros_driver.ros.services.server import take_connection
 from jaka_ros_driver.ros.services.table import Services
-from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
+from jaka_ros_driver.ros.single_name import refuse_second_node, refuse_shutdown_of_others, resolved_node_name
 from jaka_ros_driver.ros.start_checks import (
     refuse_taken_topics,
     refuse_topics_used_twice,
@@ -163,7 +163,7 @@ class DriverNode:
         if is_simulated is None or is_simulated is self._is_simulated:
             return
         self._is_simulated = is_simulated
-        self._simulated.publish(is_simulated)
+        self._simulated.publish(Bool(is_simulated))
         self._recorder.event("driver", level="INFO", text="the controller is that of a %s arm" % (
             "SIMULATED" if is_simulated else "REAL"))
         if is_simulated:
@@ -249,6 +249,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)
         return 1
     serve_from_the_start()
+    refuse_shutdown_of_others()
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _Signals()

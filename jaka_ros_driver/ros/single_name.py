@@ -1,21 +1,34 @@
-"""The check that only one node of a name runs: a second one refuses to start, before the master would end the first.
+"""The checks of a node's name: a second node of one name refuses to start, a shutdown meant for another is not obeyed.
 
 Where two nodes have the same name, the master keeps the newer one and asks the older one to shut down. Where both are
 to drive the same controller, the older one still holds its lock at that time, so that the newer one ends, too, and the
 arm is left without a driver.
+
+The master asks at the older one's address. Where that node was killed, its port may be another node's by then, on
+another master, too; rospy obeys.
 """
+import functools
 import http.client
-from typing import Any, Sequence
+import logging
+import re
+from typing import Any, Sequence, Tuple
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error as XmlRpcError
 from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rosgraph.names
+import rospy
+from rospy.impl import masterslave
 
+from jaka_ros_driver.protocol.texts import printable
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
 
+_LOG = logging.getLogger(__name__)
+
 _TIMEOUT_S = 1.0
+_MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
+"""The beginning of a master's reason for a shutdown: the name of the node that it means (rosmaster.master_api)."""
 _NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 
@@ -50,6 +63,22 @@ def refuse_second_node(name: str) -> None:
     raise AlreadyDriven(
         "the node %s runs already (%s at %s); a second one of its name would end it. End it first, or give this one "
         "another name or namespace" % (name, "pid %d" % pid if isinstance(pid, int) else "it does not answer", uri))
+
+
+def refuse_shutdown_of_others() -> None:
+    """Have this process refuse each shutdown that a master means for a node of another name; call before init_node."""
+    obey = masterslave.ROSHandler.shutdown
+
+    @functools.wraps(obey)
+    def shutdown(self: Any, caller_id: Any, msg: Any = "") -> Tuple[int, str, int]:
+        meant = _MASTERS_REASON.match(msg) if isinstance(msg, str) else None
+        if meant is None or meant.group(1) == rospy.get_name():
+            answer: Tuple[int, str, int] = obey(self, caller_id, msg)
+            return answer
+        _LOG.warning("a shutdown of %s was not obeyed: that node had the port of this one before", printable(msg))
+        return 0, "this is %s" % rospy.get_name(), 0
+
+    masterslave.ROSHandler.shutdown = shutdown  # type: ignore[method-assign]
 
 
 def _ask(uri: str, method: str, *arguments: str) -> Any:

@@ -86,7 +86,7 @@ def test_a_steady_feed_is_new_frame_by_frame():
 @pytest.mark.parametrize("period", [0.03, 0.1, 0.4])
 def test_a_slow_feed_is_new_from_its_third_frame_on_at_the_latest(period):
     told = fed(*[(period * n, [n]) for n in range(1, 20)])
-    assert all(is_new for _, is_new in told[2:]) and told[0][1]
+    assert all(is_new for _, is_new in told[2:]) and told[0][1] is (period < 0.15)
 
 
 def test_after_a_silence_what_has_piled_up_is_old_news_until_the_rhythm_is_back():
@@ -94,6 +94,11 @@ def test_after_a_silence_what_has_piled_up_is_old_news_until_the_rhythm_is_back(
     burst = [(0.5, [10]), (0.5002, [11, 12, 13]), (0.501, [14]), (0.5012, [15, 16])]
     after = [(0.508, [17]), (0.516, [18])]
     assert fed(*steady, *burst, *after)[9:] == [(n, False) for n in range(10, 17)] + [(17, True), (18, True)]
+
+
+def test_what_piled_up_behind_a_new_connection_is_old_news_until_the_rhythm_is_there():
+    told = fed((0.4, [1, 2, 3, 4]), (0.4002, [5]), (0.408, [6]), (0.416, [7]))
+    assert told == [(n, False) for n in range(1, 6)] + [(6, True), (7, True)]
 
 
 def test_of_frames_in_one_piece_the_newest_five_are_new():

@@ -7,10 +7,11 @@ import time
 
 import pytest
 from raw_client import RawClient
-from waiting import eventually
+from waiting import StallWatch, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core import link
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, ReplyTimeout, StopCause
@@ -37,10 +38,11 @@ def test_a_cut_is_noticed_and_the_link_comes_back(bench, cut):
     one = bench()
     arm = one.connect()
     before = arm.link_health.connections
-    cut_at = time.monotonic()
-    CUTS[cut](one)
-    lost = cut == "reply lost" or eventually(lambda: not arm.is_ready, timeout=5.0)
-    assert lost and time.monotonic() - cut_at < 6.0
+    with StallWatch() as host:
+        cut_at = time.monotonic()
+        CUTS[cut](one)
+        assert cut == "reply lost" or eventually(lambda: not arm.is_ready)
+        assert host.between(cut_at) < 6.0
     assert eventually(lambda: arm.is_ready and (arm.link_health.connections > before or cut == "half a frame"))
     assert arm.execute(c.Query.VERSION)
     assert eventually(lambda: arm.link_health.feed_period == 0.008)
@@ -95,12 +97,13 @@ def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(be
     arm = one.connect()
     arm.set_servo_mode(True)
     assert eventually(lambda: one.requests("servo_j"))
-    one.panel("refuse", port="status", duration_ms=4000)
+    one.panel("refuse", port="status", duration_ms=60000)
     one.panel("close", port="status")
     assert eventually(lambda: not one.controller.state()["is_servo_active"])
     assert eventually(lambda: not arm.is_ready)
     with pytest.raises(ConnectionLost, match="no link|no fresh"):
         arm.move(SLOW_MOVE)
+    one.panel("refuse", port="status", duration_ms=0)
     assert eventually(lambda: arm.motion_owner is None)
     leaves = [at for at, request in one.received() if request == {"cmdName": "servo_move", "relFlag": 0}]
     stop, = one.times_of("stop_program")
@@ -157,10 +160,11 @@ def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_st
     assert eventually(lambda: arm.is_ready)
     arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
     assert eventually(one.is_moving)
-    one.panel("refuse", port="command", duration_ms=1000)
+    one.panel("refuse", port="command", duration_ms=60000)
     one.panel("close", port="command")
     assert eventually(lambda: not arm.is_ready)
     assert told[-1] and one.is_moving() and arm.motion_owner is MotionOwner.JOG
+    one.panel("refuse", port="command", duration_ms=0)
     assert eventually(lambda: arm.is_ready and not told[-1])
     assert arm.motion_owner is None and not one.is_moving()
     assert one.times_of("stop_program")
@@ -281,7 +285,8 @@ def test_fields_that_are_missing_or_new_are_survived(bench):
     assert "protective_stop" in arm.feed_health.last_damage
 
 
-def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench):
+def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench, monkeypatch):
+    monkeypatch.setattr(link, "_LONGEST_WAY_S", 0.1)  # so many cuts look like those of another client
     one = bench()
     arm = one.connect()
     chance = random.Random(1)
@@ -328,7 +333,7 @@ def test_two_drivers_of_one_controller_give_way_and_each_says_that_there_is_anot
         eventually(lambda: said() == 2, timeout=6.0)
         assert said() == 2
         before = first.link_health.connections + second.link_health.connections
-        time.sleep(5.0)  # the time over which connections are counted
+        time.sleep(2.5)  # the time over which connections are counted; without giving way one ends each 0.5 s at least
         assert first.link_health.connections + second.link_health.connections - before <= 4
 
         def is_refused_and_says_why(arm):

@@ -123,3 +123,14 @@ def test_an_answer_to_a_question_about_an_earlier_feed_says_nothing_of_the_new_o
     one.frame(0.0)
     one.answer(Query.JOINTS, joints(0.0))
     assert not one.witness.is_trusted
+
+
+@pytest.mark.parametrize("frames, is_found_old", [(5, False), (30, True)])
+def test_a_feed_that_stays_disputed_is_too_old_anew_after_two_seconds(one, frames, is_found_old):
+    one.witness.distrust("a reason", one.now)
+    for _ in range(frames):
+        assert one.frame(0.0) == ""
+    one.ask()
+    one.answer(Query.JOINTS, joints(1.0))
+    told = [one.frame(0.0) for _ in range(6)]
+    assert any("they do not show" in text for text in told) is is_found_old

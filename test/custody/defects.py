@@ -42,6 +42,7 @@ from core_defects import (
 from sent_rules import requests_in
 
 from jaka_ros_driver.client.core.actions import Close, Open, Port, PublishState, Send
+from jaka_ros_driver.client.core.phases import Event
 from jaka_ros_driver.client.stopping import Step, Stopping
 
 
@@ -148,6 +149,7 @@ class LeavesMoving(Wrapped):
     def close(self, now: float) -> None:
         self.good.close(now)
         if not self.good.custody.is_free:
+            self.good.custody._enter(Event.AT_REST)
             self.good.custody._release(now)
 
     def lets_pass(self, request: Dict[str, Any]) -> bool:

@@ -9,13 +9,13 @@ import traceback
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from controller_room import DRIVER
-from core_invariants import broken_invariant
 from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
+from jaka_ros_driver.client.core.invariants import check_invariants
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
@@ -180,7 +180,7 @@ class DriverProcess:
         if self._turns_at[1] > _TOO_MANY_TURNS:
             self._judge.broken("the core asks for ticks without end, at deadline %r" % self.core.next_deadline())
         self._last_tick = now
-        self._do(self.core.tick)
+        self._do(self.core.tick, has_ticked=True)
         self._of_core(self.core.prepare)
 
     def call(self, call: Call) -> None:
@@ -308,7 +308,7 @@ class DriverProcess:
             self._last_tick = now
             self.core.tick(now)
         self._lost_in_turn = False
-        self._do(turn)
+        self._do(turn, has_ticked=True)
         self._lost_in_turn = False
 
     def _heard(self, event: _Unread) -> Callable[[float], None]:
@@ -340,7 +340,7 @@ class DriverProcess:
         self._do(lambda now: call.give(self.core, call, now))
         self._judge.was_called(call)
 
-    def _do(self, event: Callable[[float], Any]) -> None:
+    def _do(self, event: Callable[[float], Any], has_ticked: bool = False) -> None:
         """Run one event of the core, and perform the actions that it asks for."""
         if self.is_gone:
             return
@@ -350,9 +350,10 @@ class DriverProcess:
             for action in actions:
                 self._perform(action, now)
             actions = self.core.take_actions()
-        trouble = self._of_core(lambda: broken_invariant(self.core, self.is_moving_told, now))
-        if trouble:
-            raise RuleBroken("state", now, trouble)
+        try:
+            check_invariants(self.core, self.is_moving_told, now, has_ticked)
+        except AssertionError as broken:
+            raise RuleBroken("state", now, str(broken)) from broken
         due = min(self._of_core(self.core.next_deadline), self._last_tick + LONGEST_TICK)
         self.next_tick = max(due, now + _SHORTEST_TICK) + self._lateness * self._chance.random()
 

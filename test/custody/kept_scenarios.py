@@ -35,6 +35,8 @@ def _servo(duration: float) -> Dict[str, Any]:
             "form": "hold", "axis": 3, "burst": False, "leaves": False, "pause": 0.05}
 
 
+_LONG_JOG = {"caller": 1, "frame": 0, "axis": 1, "speed": 0.3, "rate": 50.0, "duration": 1.0, "end": "nonsense",
+             "says_rest": True}
 KEPT: Dict[str, Scenario] = {
     "a feed that is faster than asked for was never believed again after a pause": _scenario(
         (1.0, "pause", {"duration": 0.3}), (2.0, "joint_move", _joint_move(0, 0.3, 1.0, True)),
@@ -240,6 +242,56 @@ KEPT: Dict[str, Scenario] = {
         (8.3253, "feed_repeats", {"frames": 3, "age": 0.5}), length=20.0,
         settings=dict(_SETTINGS, motion_timeout=4.0, link_loss_stop=0.0), firmware="1.7.2", start="enabled",
         latency=(0.0001, 0.0005), lateness=0.0, ends="close", seed=60007053),
+    "a trajectory was said to be paused whose frames still waited at the controller": _scenario(
+        (1.15, "pendant_program", {"duration": 2.69}),
+        (2.485, "trajectory", {
+            "ways": ((0.205, -0.023, 0.393, -0.502, 0.058, -0.359),), "apart": 0.6, "first_at": 1.0, "form": "rest",
+            "delay": 0.0, "build_time": 0.02, "lead": 0.016, "then": "pause", "then_after": 0.0, "caller": 0}),
+        (3.112, "trajectory", {
+            "ways": ((0.526, 0.291, -0.252, 0.523, 0.512, -0.091), (-0.227, 0.018, -0.189, 0.118, 0.506, 0.305)),
+            "apart": 1.0, "first_at": 0.0, "form": "straight", "delay": 0.0, "build_time": 0.004, "lead": 0.016,
+            "then": "pause", "then_after": 1.057, "caller": 1}),
+        (3.9876, "stall", {"port": "both", "way": "to controller", "duration": 0.28}),
+        settings=dict(_SETTINGS, motion_timeout=4.0, servo_timeout=10.0, link_loss_stop=0.0), firmware="1.5.14",
+        start="enabled", latency=(0.0001, 0.0005), lateness=0.0002, seed=60006063),
+    "a feed that froze after the last answer showed rest while a slow stop still braked": _scenario(
+        (0.0374, "linear_move", _linear_move((-0.238, 0.192, 0.256), (0.04, 0.0, 0.0), 0.415, False, caller=1)),
+        (0.7203, "stop", {"caller": 2}), (0.8144, "feed_frozen", {"duration": 2.2}),
+        settings=dict(_SETTINGS, servo_timeout=10.0, link_loss_stop=0.3), firmware="1.7.2", start="enabled",
+        latency=(0.0001, 0.0005), lateness=0.0, has_turns=True, seed=1871404345),
+    "a driver that was started on a frozen feed took its joints for those of the arm": _scenario(
+        (1.4279, "kill", {"restart_after": 0.555}), (1.7837, "feed_frozen", {"duration": 1.336}),
+        (1.9394, "jogging", dict(_jogging(0.01), axis=2, velocity=-0.0429, rate=7.047, then_back=True)),
+        (2.1352, "jogging", dict(_jogging(2.0), frame=0, axis=4, velocity=-0.26, rate=8.517, caller=3)),
+        (2.2624, "jogging", dict(_jogging(2.0), axis=4, velocity=-0.0924, rate=16.0, then_back=True)),
+        (2.5869, "stop", {"caller": 0}),
+        (2.6133, "velocity_jog", {"caller": 0, "frame": 0, "axis": 1, "speed": 0.605, "rate": 50.0, "duration": 0.5,
+                                  "end": "nonsense", "says_rest": True}),
+        length=20.0, settings=dict(_SETTINGS, link_loss_stop=0.3), firmware="1.7.2", start="enabled",
+        latency=(0.0005, 0.005), lateness=0.0, auto_enable=True, has_turns=True, has_guard=False, seed=114133549),
+    "frames that piled up behind a new connection were shown as new": _scenario(
+        (0.7514, "feed_silent", {"duration": 0.94}), (1.5597, "rival", {"step": -0.3, "duration": 1.763}),
+        (1.631, "stall", {"port": "both", "way": "both", "duration": 0.48}),
+        settings=dict(_SETTINGS, feed_period=0.1, jog_timeout=3.0, servo_timeout=10.0, link_loss_stop=0.3),
+        dialect={"shortest_feed_period": 0.09}, firmware="1.5.14", start="enabled", latency=(0.0005, 0.005),
+        lateness=0.0, has_turns=True, ends="close", seed=70000273),
+    "a move was resumed beside a paused program, which ran in nobody's custody": _scenario(
+        (0.5246, "program", {"caller": 0, "steps": (("play", 0.0), ("pause", 0.6), ("stop", 0.6))}),
+        (5.3803, "pause", {"duration": 17.4795}),
+        (10.9999, "joint_move", {"delta": (0.0, -3.0, 0.0, 0.0, 0.0, 0.0), "speed": 0.2945, "acceleration": 5.178,
+                                 "wait": False, "caller": 0}),
+        (11.1238, "procedure", {"name": "resume", "value": None, "caller": 0}),
+        length=40.0, settings=dict(_SETTINGS, feed_period=0.008, reply_timeout=0.9, link_loss_stop=0.3),
+        dialect={"stop_ends_program": False, "second_client": "refused"}, firmware="1.5.14", start="enabled",
+        latency=(0.0005, 0.005), lateness=0.0, has_turns=True, has_guard=True, seed=5302),
+    "a move that led nowhere began when a jog had led the arm away": _scenario(
+        (1.0, "late_start", {"delay": 1.5, "duration": 8.0}), (1.5, "joint_move", _joint_move(0, 0.0, 1.0, True)),
+        (1.94, "velocity_jog", _LONG_JOG), seed=2, settings=_SETTINGS, length=12.0),
+    "the last of a queue, which led nowhere, began when a jog had led the arm away": _scenario(
+        (1.0, "late_start", {"delay": 1.5, "duration": 8.0}),
+        (1.5, "queue", {"caller": 0, "joint": 0, "ways": (0.1, 0.1), "speed": 1.0, "first_waits": False,
+                        "apart": 0.05}),
+        (3.44, "velocity_jog", _LONG_JOG), seed=8, settings=_SETTINGS, length=12.0),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

@@ -8,7 +8,7 @@ from reference_values import reference_values
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
-from jaka_ros_driver.kinematics import inverse, rotations
+from jaka_ros_driver.kinematics import inverse, numeric_inverse, rotations
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 from jaka_ros_driver.units import mm_to_m
@@ -302,3 +302,24 @@ def test_a_joint_of_more_turns_than_one_stays_beside_the_reference(turn):
     joints = HOME[:5] + (math.radians(turn),)
     reference = joints[:5] + (joints[5] + 0.1,)
     assert inverse.inverse(model, forward(model, joints), reference) == pytest.approx(joints, abs=1e-9)
+
+
+class _Dip:
+    """A residual that falls to a lowest value at a place, and rises beside it."""
+
+    def __init__(self, place, lowest):
+        self._place, self._value = place, lowest
+
+    def residual(self, q6, _):
+        return self._value + (q6 - self._place) ** 2
+
+
+@pytest.mark.parametrize("place", [0.05, 0.3, 0.5, 0.9])
+def test_the_lowest_point_of_a_dip_that_does_not_reach_zero_is_found(place):
+    assert numeric_inverse._lowest(_Dip(place, 0.01), 0, 0.0, 1.0) == pytest.approx(place, abs=1e-6)
+
+
+@pytest.mark.parametrize("place", [0.05, 0.3, 0.5, 0.9])
+def test_of_a_dip_below_zero_a_place_below_zero_is_found(place):
+    dip = _Dip(place, -0.002)
+    assert dip.residual(numeric_inverse._lowest(dip, 0, 0.0, 1.0), 0) < 0.0

@@ -55,7 +55,7 @@ def reconnect(cycles, folder):
         watch = LinkWatch(live, 0)
         sizes = []
         for cycle in range(cycles):
-            watch.reconnect()
+            watch.reconnect(watch.chance.choice(("command", "status", "all")))
             if cycle % max(1, cycles // SHOWN) == 0 or cycle == cycles - 1:
                 sizes.append(size_of(live.process.pid))
                 print("after %4d reconnects: %3d threads, %3d descriptors, %d kB resident" % ((cycle,) + sizes[-1]),

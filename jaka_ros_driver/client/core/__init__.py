@@ -9,7 +9,9 @@ witness         the comparison of the feed with the controller's answers, which 
 stillness       evidence that the arm rests
 motion          the base class of all motions
 contradictions  one table of what forbids a motion to begin and what ends one
-custody         from before a motion's first byte until evidence that the arm rests; who may take it next
+phases          the phases of custody, and the events between them: one table
+custody         from before a motion's first byte until evidence that the arm rests
+requests        who may take custody next, and what each kind of request does then
 arrival         evidence that a planned motion has no way left to go
 move            a planned move, or several that are queued
 jog             a jog with a watchdog
@@ -24,4 +26,5 @@ velocity_jog    a jog that lasts while fresh messages come: dead-man, ramp, moti
 planned         motions that the controller plans as a whole: paths of several segments, programs of its own
 procedures      sequences of several requests, as generators: session, power, settings
 arm_core        routes events and calls
+invariants      what holds of the core after every event; checked by the tests
 """

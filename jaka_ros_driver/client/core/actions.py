@@ -6,6 +6,9 @@ from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.state import RobotState
 
+Token = Optional[object]
+"""A call's identity: the core compares it and hands it back, and knows no more of it; None where nobody waits."""
+
 
 class Port(enum.Enum):
     """The controller's two ports; the value is the name in messages."""
@@ -34,7 +37,13 @@ class Send(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The end of the call that came with this token: a result, or an error."""
+    """The end of a call: a result, or an error.
+
+    Attributes:
+        call: The token with which it came, which is whatever the shell has chosen.
+        result: Its result; None where there is an error.
+        error: Why it failed; None where it did not.
+    """
 
     call: Any
     result: Any
@@ -88,12 +97,12 @@ class Actions:
         """Append a line for the log."""
         self._actions.append(Log(level, text))
 
-    def answer(self, call: Any, result: Any = None, error: Optional[JakaError] = None) -> None:
+    def answer(self, call: Token, result: Any = None, error: Optional[JakaError] = None) -> None:
         """Append the end of a call; None is a call that nobody waits for."""
         if call is not None:
             self._actions.append(Answer(call, result, error))
 
-    def answer_all(self, calls: List[Any], error: Optional[JakaError] = None) -> None:
+    def answer_all(self, calls: List[Token], error: Optional[JakaError] = None) -> None:
         """End several calls, and leave none in the list."""
         for call in calls:
             self.answer(call, None, error)

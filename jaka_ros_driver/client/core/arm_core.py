@@ -5,34 +5,36 @@ controller's reply, the end is evidence in the status feed. A stop waits for nob
 and only that: a motion asked after it begins when the arm has come to rest.
 """
 import logging
-from typing import Any, Callable, Dict, List, Optional, Sequence, Union
+from typing import Callable, Dict, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.actions import Action, Actions, Port
+from jaka_ros_driver.client.core.actions import Action, Actions, Port, Token
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import require_no_wait
-from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
+from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.foreign_motion import ForeignMotion, LeftBehind, LeftMotion
-from jaka_ros_driver.client.core.jog import JogMotion
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.move import Move
-from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
-from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
+from jaka_ros_driver.client.core.planned.program import ProgramMotion
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Running, Until
+from jaka_ros_driver.client.core.requests.admission import Admission, ArmRequest
+from jaka_ros_driver.client.core.requests.kinds import (
+    ArmParts,
+    FollowRequest,
+    JogRequest,
+    LeaveServoRequest,
+    MoveRequest,
+    PathRequest,
+    ProcedureRequest,
+    ProgramRequest,
+    ServoModeRequest,
+    StartRequest,
+)
 from jaka_ros_driver.client.core.servo import Servo
-from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.stops import Stops
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
-from jaka_ros_driver.client.core.trajectory import (
-    Goal,
-    Trajectory,
-    TrajectoryProgress,
-    TrajectoryStart,
-    require_start,
-    start_at_rest,
-)
+from jaka_ros_driver.client.core.trajectory import Trajectory, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan, JogMessage
 from jaka_ros_driver.client.core.velocity_jog.motion import VelocityJog
 from jaka_ros_driver.client.core.velocity_jog.ramp import require_possible
@@ -49,7 +51,6 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
-from jaka_ros_driver.trajectory.segments import SegmentPath
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """Commands that change the meaning of a running motion, or what the arm carries."""
@@ -81,6 +82,8 @@ class ArmCore:
         self._admission = Admission(self.actions, self.custody, self.links)
         self._stops = Stops(self.actions, self.channel, self.custody, self.links, self._admission, settings,
                             self._carry_out)
+        self._arm = ArmParts(model, self.actions, self.custody, self._admission, self._stops, self._carry_out,
+                             self._servo_mode_is)
         self._foreign = ForeignMotion(self.actions)
         self._running: List[Running] = []
         self._is_closing = False
@@ -232,7 +235,7 @@ class ArmCore:
 
     # ---- calls: each is answered once ----
 
-    def move(self, call: Any, command: c.MoveCommand, wait: bool, now: float, end: Any = None) -> None:
+    def move(self, call: Token, command: c.MoveCommand, wait: bool, now: float, end: Token = None) -> None:
         """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
 
         ``end``: answered when the target is reached (of a queue: passed), or with what ended the move; not where
@@ -240,16 +243,9 @@ class ArmCore:
         move now; nothing was sent), CommandRejected, MotionInterrupted (accepted, and not completed), ReplyTimeout,
         ConnectionLost.
         """
-        def enter(at: float) -> None:
-            state = self._admission.require_ready_to_move(MotionOwner.MOVE, at)
-            running = self.custody.motion
-            if not wait and isinstance(running, Move) and not self.custody.is_ending:
-                running.add(command, call, at, end)
-            elif self._admission.may_begin(call, enter, now, at, MotionOwner.MOVE):
-                self.custody.begin(Move(self.custody, command, call, wait, state, end), at)
-        self._enter(call, enter, now, command)
+        self._enter(MoveRequest(call, self._arm, now, command, wait, end), now)
 
-    def move_path(self, call: Any, commands: Sequence[c.PathCommand], is_cancelled: Callable[[], bool],
+    def move_path(self, call: Token, commands: Sequence[c.PathCommand], is_cancelled: Callable[[], bool],
                   on_begun: Callable[[], None], now: float) -> None:
         """Run segments as one queue of the controller, after an audit of the whole; answered with its PathProgress.
 
@@ -258,93 +254,49 @@ class ArmCore:
         Errors as ``move``, and before it has begun: a MotionInterrupted of cause CANCELLED or STOPPED. Once it has
         begun, each MotionInterrupted is a PathInterrupted.
         """
-        stops = self.stops
+        self._enter(PathRequest(call, self._arm, now, commands, is_cancelled, on_begun), now)
 
-        def check() -> None:
-            if is_cancelled():
-                raise MotionInterrupted(StopCause.CANCELLED, "nothing was sent")
-            self._stops.require_none_since(stops)
-
-        def enter(at: float) -> None:
-            check()
-            state = self._admission.require_ready_to_move(MotionOwner.PATH, at)
-            if not self._admission.may_begin(call, enter, now, at, MotionOwner.PATH):
-                return
-
-            def audited(path: SegmentPath, error: Optional[JakaError], end: float) -> None:
-                self._admission.is_setting = False
-                try:
-                    if error is not None:
-                        raise error
-                    check()
-                    self._begin_path(call, path, on_begun, end)
-                except JakaError as refusal:
-                    self.actions.answer(call, None, refusal)
-                self._admission.retry(end)
-            self._admission.is_setting = True
-            self._carry_out(audit(commands, state, self.audited, check), audited, at)
-        self._enter(call, enter, now)
-
-    def cancel_path(self, call: Any, now: float) -> bool:
+    def cancel_path(self, call: Token, now: float) -> bool:
         """Stop the path that answers this call; return False where it does not run (yet, or any more)."""
         self.links.note_time(now)
-        running = self.custody.motion
-        if not isinstance(running, PathMove) or running.progress.call is not call or self.custody.is_ending:
+        running = self._arm.running(PathMove)
+        if running is None or running.progress.call is not call:
             return False
         self.custody.stop(MotionInterrupted(StopCause.CANCELLED), now)
         return True
 
-    def play(self, call: Any, end: Any, now: float) -> None:
+    def play(self, call: Token, end: Token, now: float) -> None:
         """Play the loaded program: it has the arm until it is over, or is stopped. Answered when it is seen running.
 
         ``end``: answered when it is over, or with what ended it; not where ``call`` gets an error before it was sent.
 
         Errors as ``move``.
         """
-        self._run_program(call, end, c.PlayProgram(), ProgramState.IDLE, now)
+        self._enter(ProgramRequest(call, self._arm, now, c.PlayProgram(), ProgramState.IDLE, end), now)
 
-    def resume_program(self, call: Any, end: Any, now: float) -> None:
+    def resume_program(self, call: Token, end: Token, now: float) -> None:
         """Resume the paused program, also one that was begun at the pendant: it has the arm from now on.
 
         ``end`` as for ``play``; where this driver plays it already, nobody is answered by it. Errors as ``move``.
         """
-        running = self.custody.motion
-        if isinstance(running, ProgramMotion) and not self.custody.is_ending:
+        running = self._arm.running(ProgramMotion)
+        if running is not None:
             self.run(call, running.resumed(
                 lambda at: self._admission.require_ready_to_move(MotionOwner.PROGRAM, at), self.seen), now)
         else:
-            self._run_program(call, end, c.ResumeMotion(), ProgramState.PAUSED, now)
+            self._enter(ProgramRequest(call, self._arm, now, c.ResumeMotion(), ProgramState.PAUSED, end), now)
 
-    def jog(self, call: Any, command: c.Jog, now: float) -> None:
+    def jog(self, call: Token, command: c.Jog, now: float) -> None:
         """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
-        def enter(at: float) -> None:
-            self._admission.require_ready_to_move(MotionOwner.JOG, at)
-            running = self.custody.motion
-            if isinstance(running, JogMotion) and not self.custody.is_ending:
-                if running.command == command:
-                    running.again(call, at)
-                    return
-                self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
-            if self._admission.may_begin(call, enter, now, at, MotionOwner.JOG):
-                self.custody.begin(JogMotion(self.custody, command, call), at)
-        self._enter(call, enter, now, command)
+        self._enter(JogRequest(call, self._arm, now, command), now)
 
-    def servo_mode(self, call: Any, active: bool, now: float) -> None:
+    def servo_mode(self, call: Token, active: bool, now: float) -> None:
         """Enter servo mode and hold the arm there, or leave it; answered when the controller confirms.
 
         Errors as ``move``.
         """
-        def enter(at: float) -> None:
-            running = self.custody.motion
-            if isinstance(running, Servo) and not self.custody.is_ending:
-                running.join(call) if active else running.leave(call, "its client left")
-            elif active:
-                state = self._admission.require_ready_to_move(MotionOwner.SERVO, at)
-                if self._admission.may_begin(call, enter, now, at, MotionOwner.SERVO):
-                    self.custody.begin(Servo(self.custody, self.model, call, state, self._servo_mode_is), at)
-            elif self._admission.may_begin(call, enter, now, at, MotionOwner.SERVO):
-                self._carry_out(self._leave_servo_mode(), self._answerer(call), at)
-        self._enter(call, enter, now)
+        self._enter(ServoModeRequest(call, self._arm, now) if active
+                    else LeaveServoRequest(call, self._arm, now, self._leave_servo_mode), now)
 
     def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
         """Add one target to the servo stream; no call, because nothing is sent at once.
@@ -353,8 +305,8 @@ class ArmCore:
             InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
         """
         self.links.note_time(now)
-        running = self.custody.motion
-        if not isinstance(running, Servo) or self.custody.is_ending:
+        running = self._arm.running(Servo)
+        if running is None:
             reason = self.custody.ending_reason or self._servo_end
             raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
                 " (it ended: %s)" % reason if reason else ""))
@@ -377,9 +329,8 @@ class ArmCore:
             except InvalidCommand as error:
                 message = message._replace(wish=None, problem=str(error))
         wish = self.dead_man.take(message, now)
-        running = self.custody.motion
-        is_jogging = isinstance(running, VelocityJog) and not self.custody.is_ending and not running.is_leaving
-        if is_jogging or wish.is_zero:
+        running = self._arm.running(VelocityJog)
+        if (running is not None and not running.is_leaving) or wish.is_zero:
             return
         try:
             self._begin_velocity_jog(now)
@@ -401,47 +352,30 @@ class ArmCore:
         if self._admission.is_free_at_rest(owner, now):
             self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)
 
-    def trajectory_start(self, call: Any, lead: float, stops: int, now: float) -> None:
+    def trajectory_start(self, call: Token, lead: float, stops: int, now: float) -> None:
         """Answer with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
 
         ``stops``: the number of stops when the trajectory was asked for; a later one ends it. Errors: InvalidCommand,
         ConnectionLost: the arm cannot be moved now. MotionInterrupted: a stop came between.
         """
-        def enter(at: float) -> None:
-            self._stops.require_none_since(stops)
-            state = self._admission.require_ready_to_move(MotionOwner.TRAJECTORY, at)
-            running = self.custody.motion
-            if isinstance(running, Trajectory) and not self.custody.is_ending and running.can_be_joined:
-                self.actions.answer(call, running.start_after(lead))
-            elif self._admission.may_begin(call, enter, now, at, MotionOwner.TRAJECTORY):
-                self.actions.answer(call, start_at_rest(state))
-        self._enter(call, enter, now)
+        self._enter(StartRequest(call, self._arm, now, stops, lead), now)
 
-    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: TrajectoryTolerances, stops: int,
+    def follow(self, call: Token, path: Path, start: TrajectoryStart, tolerances: TrajectoryTolerances, stops: int,
                now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
 
         ``stops`` as for ``trajectory_start``. Errors as ``move``, and: StartChanged (the arm is not there any more,
         nothing was sent), PathToleranceViolated, GoalToleranceViolated.
         """
-        def enter(at: float) -> None:
-            self._stops.require_none_since(stops)
-            state = self._admission.require_ready_to_move(MotionOwner.TRAJECTORY, at)
-            goal, running = Goal(call, tolerances), self.custody.motion
-            if start.running is not None and running is start.running and not self.custody.is_ending:
-                start.running.replace(goal, path, start)
-            elif self._admission.may_begin(call, enter, now, at, MotionOwner.TRAJECTORY):
-                require_start(path, state)
-                self.custody.begin(Trajectory(self.custody, self.model, goal, path, state, self._servo_mode_is), at)
-        self._enter(call, enter, now)
+        self._enter(FollowRequest(call, self._arm, now, stops, path, start, tolerances), now)
 
-    def cancel_trajectory(self, call: Any, now: float) -> bool:
+    def cancel_trajectory(self, call: Token, now: float) -> bool:
         """Brake the trajectory that answers ``call`` (None: any) on its path; return False where it does not run."""
         self.links.note_time(now)
-        running = self.custody.motion
-        return isinstance(running, Trajectory) and not self.custody.is_ending and running.cancel(call)
+        running = self._arm.running(Trajectory)
+        return running is not None and running.cancel(call)
 
-    def stop(self, call: Any, now: float) -> None:
+    def stop(self, call: Token, now: float) -> None:
         """Stop all motion, queued motion and programs, and leave servo mode; answered with the controller's reply.
 
         Errors: ConnectionLost, ReplyTimeout, CommandRejected: it could not be delivered. Where this driver moves the
@@ -451,22 +385,12 @@ class ArmCore:
         self.note_disturbance("a stop")
         self._stops.stop(call, now)
 
-    def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
+    def run(self, call: Token, procedure: Procedure, now: float, exclusive: bool = False) -> None:
         """Run a procedure; answered with its result or its error. A ``call`` of None is not answered.
 
         ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile.
         """
-        def enter(at: float) -> None:
-            if not exclusive:
-                self._carry_out(procedure, self._answerer(call), at)
-            elif self._admission.may_begin(call, enter, now, at):
-                def ended(result: Any, error: Optional[JakaError], end: float) -> None:
-                    self._admission.is_setting = False
-                    self.actions.answer(call, result, error)
-                    self._admission.retry(end)
-                self._admission.is_setting = True
-                self._carry_out(procedure, ended, at)
-        self._enter(call, enter, now)
+        self._enter(ProcedureRequest(call, self._arm, now, procedure, exclusive), now)
 
     def ask(self, command: c.Command) -> Procedure:
         """Run a procedure of one command that moves nothing, after its audit."""
@@ -496,8 +420,7 @@ class ArmCore:
         Raises:
             InvalidCommand: It does not.
         """
-        limits.check(command, self.model)
-        return command
+        return self._arm.audited(command)
 
     def stop_own(self, now: float) -> None:
         """Send a stop for which nobody is answered."""
@@ -530,39 +453,15 @@ class ArmCore:
 
     # ---- inside: calls ----
 
-    def _enter(self, call: Any, enter: Enter, now: float,
-               command: Optional[c.Command] = None) -> None:
+    def _enter(self, request: ArmRequest, now: float) -> None:
         self.links.note_time(now)
         try:
             if self._is_closing:
                 raise ConnectionLost("the driver is shutting down")
-            if command is not None:
-                limits.check(command, self.model)
-            enter(now)
+            request.audit()
+            request.enter(now)
         except JakaError as error:
-            self.actions.answer(call, None, error)
-
-    def _begin_path(self, call: Any, path: SegmentPath, on_begun: Callable[[], None], now: float) -> None:
-        state = self._admission.require_ready_to_move(MotionOwner.PATH, now)
-        if self.custody.stillness.duration() < REST_TIME_S or max([abs(a - b) for a, b in zip(
-                state.joint_position, path.start.joints)]) > MOVEMENT:
-            raise InvalidCommand("refused: the arm has moved since its path was audited")
-        if all(segment.is_nowhere for segment in path.segments):
-            self.actions.answer(call, PathProgress(call, len(path.segments), 1.0))
-        else:
-            self.custody.begin(PathMove(self.custody, path, call, on_begun, state, now), now)
-
-    def _run_program(self, call: Any, end: Any, command: c.Command, wanted: ProgramState, now: float) -> None:
-        def enter(at: float) -> None:
-            state = self._admission.require_ready_to_move(MotionOwner.PROGRAM, at)
-            if self.motion_owner is None:
-                require_program_state(state, wanted)
-            if self._admission.may_begin(call, enter, now, at, MotionOwner.PROGRAM):
-                self.custody.begin(ProgramMotion(self.custody, command, call, end), at)
-        self._enter(call, enter, now)
-
-    def _answerer(self, call: Any) -> OnEnd:
-        return lambda result, error, _now: self.actions.answer(call, result, error)
+            self.actions.answer(request.call, None, error)
 
     def _carry_out(self, procedure: Procedure, on_end: OnEnd, now: float) -> None:
         running = Running(procedure, self.channel, on_end, gate=self.channel)

@@ -18,7 +18,7 @@ from jaka_ros_driver.commands import (
 )
 from jaka_ros_driver.errors import ConnectionLost, FramingError, InvalidCommand, JakaError, ReplyTimeout
 from jaka_ros_driver.protocol import codec
-from jaka_ros_driver.protocol.exchange import Exchange
+from jaka_ros_driver.protocol.exchange import Exchange, PendingRequest
 from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
 
 _PIECE_BYTES = 1 << 12
@@ -116,7 +116,7 @@ class CommandChannel:
         if introduction is self.introduction:
             self.is_open, self.introduction = True, None
 
-    def close(self, reason: str, now: float, late: Optional[Any] = None) -> None:
+    def close(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
         """Close the channel after the connection has ended; answer those who wait for a reply with an error."""
         self.is_open, self.introduction = False, None
         self._down_reason = reason
@@ -233,7 +233,7 @@ class CommandChannel:
         """Give the reply to this command the usual time from now, because its effect is visible."""
         self._exchange.done(codec.command_name(command), now, self._settings.reply_timeout)
 
-    def overdue(self, now: float) -> Optional[Any]:
+    def overdue(self, now: float) -> Optional[PendingRequest[Any]]:
         """Return a request whose reply is late, or None; pass it to ``close``."""
         return self._exchange.overdue(now)
 

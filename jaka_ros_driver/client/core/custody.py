@@ -4,12 +4,10 @@ It ends in two ways only. The motion saw its target reached and the arm still (`
 was accepted by the controller and the joints are still on fresh frames after that. No flag of the controller, no
 timer and no order of events gives a moving arm away: whatever contradicts the motion sends a stop and keeps custody.
 A stop is repeated until it is accepted, through refusals and new connections, and again while the arm moves on.
-
-``Admission`` decides who may take custody next, and keeps who waits until the arm is free and at rest.
+The phases in which a motion is held, and what leads from one to another, are the table of ``phases``.
 """
-import enum
 import logging
-from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 from jaka_ros_driver.client.core.actions import Actions, NotifyGuard
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -19,24 +17,22 @@ from jaka_ros_driver.client.core.contradictions import (
     JumpWatch,
     Watch,
     cause_of_stop,
-    require_no_wait,
-    require_start,
     standing_cause,
 )
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.phases import Event, Phase, transition
 from jaka_ros_driver.client.core.stillness import ALL_SHOWN, REST_TIME_S, Shown, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import SERVO_END_REPLY, STOP_REPLY, SetLinkLoss, whole_stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
-    InvalidCommand,
     JakaError,
     MotionInterrupted,
     ReplyTimeout,
     StopCause,
 )
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import ProgramState, RobotState
 
 _RETRY_PERIOD_S = 0.05
 """Pause, s, from the refusal of a stop to the next one."""
@@ -47,20 +43,7 @@ _ANSWER_AFTER_S = 1.0
 _CAUSE_TIME_S = 0.1
 """Time, s, within which the status feed may show why the controller has refused a frame."""
 _LOG_PERIOD_S = 1.0
-_WAIT_FOR_REST_S = 1.5
-"""Longest time, s, that a motion waits for the arm to come to rest from an earlier one."""
 _NEVER = float("inf")
-
-Enter = Callable[[float], None]
-"""A function that begins a call at a time, s, and is tried again while the call waits; its error is the call's answer.
-"""
-
-
-class _Phase(enum.Enum):
-    FREE = "nobody moves the arm"
-    HELD = "a motion is under way"
-    SETTLING = "the controller refused the motion: the arm is watched until it is seen at rest"
-    STOPPING = "a stop is sent until it is accepted and the arm rests"
 
 
 class Custody:
@@ -92,7 +75,7 @@ class Custody:
         self._shown = ALL_SHOWN
         self.question_due = 0.0
         self._watch = Watch(MotionOwner.MOVE, None)
-        self._phase = _Phase.FREE
+        self._phase = Phase.FREE
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
         self._is_answered = False
@@ -112,12 +95,12 @@ class Custody:
     @property
     def is_free(self) -> bool:
         """True while nobody moves the arm."""
-        return self._phase is _Phase.FREE
+        return self._phase is Phase.FREE
 
     @property
     def is_ending(self) -> bool:
         """True while custody ends as soon as the arm is seen at rest."""
-        return self._phase in (_Phase.STOPPING, _Phase.SETTLING)
+        return self._phase in (Phase.STOPPING, Phase.SETTLING)
 
     @property
     def ending_reason(self) -> str:
@@ -133,14 +116,14 @@ class Custody:
     @property
     def must_stop(self) -> bool:
         """True while a stop is still to be accepted."""
-        return self._phase is _Phase.STOPPING and self._accepted_at is None
+        return self._phase is Phase.STOPPING and self._accepted_at is None
 
     @property
     def deadline(self) -> float:
         """The time at which ``tick`` is due, s."""
         if self.motion is None:
             return _NEVER
-        if self._phase is _Phase.HELD:
+        if self._phase is Phase.HELD:
             return self.motion.due()
         return min(self._retry_at, _NEVER if self._is_answered else self._began_at + _ANSWER_AFTER_S)
 
@@ -179,31 +162,31 @@ class Custody:
         Raises:
             JakaError: Nothing was sent; nobody moves the arm.
         """
-        self._take(motion, _Phase.HELD, now)
+        self._take(motion, Event.BEGIN, now)
         self._set_link_loss(self.settings.link_loss_stop, now)
         try:
             motion.begin(now)
         except JakaError:
             self._is_answered = True
+            self._enter(Event.NOT_SENT)
             self._release(now)
             raise
 
     def take_over(self, motion: ArmMotion, now: float) -> None:
         """Take custody of a motion that was left running: it is stopped, as the first message on the next link."""
-        self._take(motion, _Phase.STOPPING, now)
+        self._take(motion, Event.TAKE_OVER, now)
         self._began_at = now
         self._is_answered = True
 
     def finish(self, now: float) -> None:
         """End the custody of a completed motion: the target is reached and the arm is still."""
-        if self._phase is _Phase.HELD:
+        if self._enter(Event.FINISH):
             self._release(now)
 
     def settle(self, now: float) -> None:
         """Watch a motion that the controller refused: nobody moves the arm once it is seen at rest."""
-        if self._phase is _Phase.HELD:
-            self._phase, self._began_at = _Phase.SETTLING, now
-            self._is_answered = True
+        if self._enter(Event.REFUSED):
+            self._began_at, self._is_answered = now, True
 
     def not_accepted(self, error: JakaError, now: float) -> None:
         """Handle the failure of the motion's command; unless the controller refused it, its effect is not known."""
@@ -217,18 +200,14 @@ class Custody:
 
         ``is_guess``: the status feed may soon show the cause; then that is reported.
         """
-        if self._phase in (_Phase.HELD, _Phase.SETTLING):
-            self._phase = _Phase.STOPPING
-            self._outcome, self._began_at, self._is_guess = outcome, now, is_guess
-            if outcome is not None and outcome.cause is not StopCause.STOPPED:
-                self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
-            self._send_stop(now)
+        if self._enter(Event.STOP):
+            self._begin_stop(outcome, now, is_guess)
 
     def stop_for(self, answer: Callable[[Optional[JakaError]], None], now: float) -> None:
         """Stop the motion for a caller: ``answer`` receives the error of this very stop, None where it was accepted."""
-        if self._phase is not _Phase.STOPPING:
-            self._phase = _Phase.STOPPING
+        if self._phase is not Phase.STOPPING:
             self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
+        self._enter(Event.STOP_CALL)
         self._send_stop(now, answer)
 
     # ---- events ----
@@ -241,34 +220,39 @@ class Custody:
         motion = self.motion
         if motion is None:
             return
-        if self._phase is _Phase.HELD:
+        if self._phase is Phase.HELD:
             cause = self._watch.cause(state)
             if cause is None:
                 motion.observe(state, now)
             else:
                 self.stop(cause, now)
-        elif self._phase is _Phase.SETTLING:
+        elif self._phase is Phase.SETTLING:
             if self.stillness.has_moved_since(self._began_at):
-                self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
+                self._enter(Event.MOVES_ON)
+                self._begin_stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
             elif self.rest_since(self._began_at) >= REST_TIME_S:
                 if motion.may_be_left(state):
+                    self._enter(Event.AT_REST)
                     self._release(now)
                 else:
-                    self.stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
+                    self._enter(Event.MOVES_ON)
+                    self._begin_stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
             return
-        if self._phase is _Phase.STOPPING and self._is_guess:
+        if self._phase is Phase.STOPPING and self._is_guess:
             self._look_for_the_cause(state, now)
-        if self._phase is _Phase.STOPPING:
+        if self._phase is Phase.STOPPING:
             motion.observe_stop(state)
-        if self._phase is _Phase.STOPPING and self._accepted_at is not None:
+        if self._phase is Phase.STOPPING and self._accepted_at is not None:
             coasts_until = self._sent_at + max(_COASTING_TIME_S, motion.rest_time)
             goes_on = now >= coasts_until and motion.goes_on(state)
             if self.rest_since(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
+                self._enter(Event.AT_REST)
                 self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
                 self._log(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
                     "moves on" if self.stillness.has_moved_since(coasts_until) else "rests, and %s goes on"
                     % motion.name), now)
+                self._enter(Event.MOVES_ON)
                 self._accepted_at, self._moves_on = None, True
                 self._send_stop(now)
 
@@ -282,13 +266,13 @@ class Custody:
         if jump:
             self.stillness.lose_sight()
             cause = self._watch.cause(state, jump)
-            if cause is not None and self._phase is _Phase.HELD:
+            if cause is not None and self._phase is Phase.HELD:
                 self.stop(cause, now)
         return jump
 
     def note_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
         """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
-        if self._phase is _Phase.HELD and self.motion is not None and self._state is not None and (
+        if self._phase is Phase.HELD and self.motion is not None and self._state is not None and (
                 asked_at > self._held_since):
             cause = cause_of_stop(self.motion.owner, ArmEvidence(
                 self._state, False, is_active, self.motion.wants_servo_mode(asked_at)))
@@ -299,9 +283,9 @@ class Custody:
         motion = self.motion
         if motion is None:
             return
-        if self._phase is _Phase.HELD:
+        if self._phase is Phase.HELD:
             motion.tick(now)
-        elif self._phase is _Phase.STOPPING:
+        elif self._phase is Phase.STOPPING:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
             if now - self._began_at >= _ANSWER_AFTER_S and not self._is_answered:
@@ -312,22 +296,21 @@ class Custody:
 
     def prepare(self) -> None:
         """Compute in idle time what the motion sends next; nothing is sent."""
-        if self.motion is not None and self._phase is _Phase.HELD:
+        if self.motion is not None and self._phase is Phase.HELD:
             self.motion.prepare()
 
     def sight_lost(self, reason: str, now: float) -> None:
         """Stop a motion after the status feed is lost or unreadable: it would go on unseen."""
         self.stillness.lose_sight()
         self._jumps.lose_sight()
-        if self._phase in (_Phase.HELD, _Phase.SETTLING):
-            self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
+        self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
 
     def link_lost(self, reason: str, now: float) -> None:
         """Take note that the command port is lost: the stop is the first message on the next connection."""
         self._outstanding = 0
-        if self._phase in (_Phase.HELD, _Phase.SETTLING):
-            self._phase, self._began_at = _Phase.STOPPING, now
-        if self._phase is _Phase.STOPPING and not self._is_answered:
+        if self._phase in (Phase.HELD, Phase.SETTLING):
+            self._began_at = now
+        if self._enter(Event.LINK_LOST) and not self._is_answered:
             if not self._waits_for_rest:
                 self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
             self._answer_end()
@@ -341,15 +324,29 @@ class Custody:
 
     # ---- inside ----
 
-    def _take(self, motion: ArmMotion, phase: _Phase, now: float) -> None:
-        assert self.is_free
+    def _enter(self, event: Event) -> bool:
+        """Enter the phase to which an event leads; return False where the present phase ignores the event."""
+        row = transition(self._phase, event)
+        self._phase = row.to
+        return not row.is_ignored
+
+    def _take(self, motion: ArmMotion, event: Event, now: float) -> None:
+        self._enter(event)
         self._number += 1
-        self.motion, self._phase = motion, phase
+        self.motion = motion
         self._outcome, self._is_answered, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
         self._watch = Watch(motion.owner, self._state)
         self._held_since = now
+        motion.is_beside_program = self._state is not None and self._state.program_state == ProgramState.PAUSED
         self.actions.add(NotifyGuard(True, motion.name, motion.jog_stop))
+
+    def _begin_stop(self, outcome: Optional[MotionInterrupted], now: float, is_guess: bool = False) -> None:
+        """Send the first stop of this motion, which ends with this outcome."""
+        self._outcome, self._began_at, self._is_guess = outcome, now, is_guess
+        if outcome is not None and outcome.cause is not StopCause.STOPPED:
+            self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
+        self._send_stop(now)
 
     def _send_stop(self, now: float, answer: Callable[[Optional[JakaError]], None] = lambda error: None) -> None:
         """Send the stop of this motion now; without a connection the call fails and ``link_up`` sends it."""
@@ -358,12 +355,12 @@ class Custody:
 
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
             answer(error)
-            if number == self._number and self._phase is _Phase.STOPPING:
+            if number == self._number and self._phase is Phase.STOPPING:
                 self._stop_replied(error, at)
 
         def own_end_replied(_result: Any, error: Optional[JakaError], at: float) -> None:
             """Send the stop again, where its end of this very jog or servo mode was refused, until the arm rests."""
-            if number == self._number and self._phase is _Phase.STOPPING and isinstance(error, CommandRejected):
+            if number == self._number and self._phase is Phase.STOPPING and isinstance(error, CommandRejected):
                 self._retry_at = at + _RETRY_PERIOD_S
 
         jog = self.motion.halt()
@@ -420,12 +417,11 @@ class Custody:
             self.motion.ended(self._outcome)
 
     def _release(self, now: float) -> None:
-        """Release the arm, which rests.
+        """Release the motion, which has just entered FREE.
 
         Callers of the motion are answered last, so that the next motion finds the arm free.
         """
         motion, self.motion = self.motion, None
-        self._phase = _Phase.FREE
         self._retry_at = _NEVER
         self._set_link_loss(0.0, now)
         self.actions.add(NotifyGuard(False))
@@ -444,145 +440,3 @@ class Custody:
                 self.actions.log(logging.WARNING, "this controller does not stop the arm by itself when it loses its "
                                                   "client: %s" % error)
         self.channel.request(SetLinkLoss(seconds), now, replied)
-
-
-class Sight(Protocol):
-    """The interface to the present knowledge of the arm, which ``Links`` implements."""
-
-    @property
-    def is_up(self) -> bool:
-        """True while both connections are up."""
-
-    @property
-    def last_error(self) -> str:
-        """The reason for which a connection is down; empty when both are up."""
-
-    @property
-    def is_servo_active(self) -> bool:
-        """True while the controller is in servo mode; False while that is not known."""
-
-    @property
-    def is_in_question(self) -> bool:
-        """True while the feed has not shown what the controller answered, and may show it."""
-
-    def fresh_state(self, now: float) -> RobotState:
-        """Return the newest state; raise ConnectionLost where it is stale."""
-
-
-class _Waiting(NamedTuple):
-    call: Any
-    enter: Enter
-    deadline: float
-
-
-class Admission:
-    """The queue of calls that want the arm, of which one at a time is admitted.
-
-    Attributes:
-        is_setting: A change that needs the arm at rest is being made.
-        is_guided: Hand guiding was switched on by this driver; not every feed has that.
-        stops_under_way: Stops that were sent while nobody had custody, and are not answered yet.
-    """
-
-    def __init__(self, actions: Actions, custody: Custody, sight: Sight) -> None:
-        self._actions = actions
-        self._custody = custody
-        self._sight = sight
-        self._waiting: List[_Waiting] = []
-        self.is_setting = False
-        self.is_guided = False
-        self.stops_under_way = 0
-
-    @property
-    def owner(self) -> Optional[MotionOwner]:
-        """The kind of motion that has the arm on behalf of this driver; None for none."""
-        if self._custody.motion is not None:
-            return self._custody.motion.owner
-        return MotionOwner.SETTING if self.is_setting else None
-
-    @property
-    def deadline(self) -> float:
-        """The time at which ``retry`` is due, s."""
-        return min([waiting.deadline for waiting in self._waiting], default=float("inf"))
-
-    def require_ready_to_move(self, owner: MotionOwner, now: float) -> RobotState:
-        """Check that nothing forbids a motion of this kind now; return the arm's state.
-
-        Raises:
-            InvalidCommand: Something does (``contradictions``).
-            ConnectionLost: There is no fresh state, or no link.
-        """
-        state = self._sight.fresh_state(now)
-        require_start(owner, self.evidence(owner, state))
-        self._custody.channel.require_prompt(owner.value)
-        if not self._sight.is_up:
-            raise ConnectionLost("no link to the controller: " + self._sight.last_error)
-        return state
-
-    def is_guided_in(self, state: RobotState) -> bool:
-        """Return whether somebody guides the arm by hand; where the feed lacks that, what this driver switched on
-        counts.
-        """
-        return self.is_guided if state.is_hand_guided is None else state.is_hand_guided
-
-    def evidence(self, owner: MotionOwner, state: RobotState) -> ArmEvidence:
-        """Return what is known before a motion of this kind."""
-        is_free = self.owner is None  # else servo mode is this driver's own
-        return ArmEvidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
-                           None if owner in STREAMS else False)
-
-    def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float,
-                  owner: MotionOwner = MotionOwner.SETTING) -> bool:
-        """Return whether a new motion may begin; otherwise the call waits for the present one to come to rest.
-
-        Raises:
-            InvalidCommand: Somebody else has the arm, and keeps it.
-            ConnectionLost: Whether the arm rests is not known.
-        """
-        if self.is_free_at_rest(owner, now):
-            return True
-        if now - asked_at >= _WAIT_FOR_REST_S:
-            holder = self.owner
-            if holder is None:
-                require_no_wait(owner, self.evidence(owner, self._sight.fresh_state(now)))
-            raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST_S, "it moves, and not by this driver" if holder is None
-                else "%s is still being ended" % holder.value))
-        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
-        return False
-
-    def is_free_at_rest(self, owner: MotionOwner, now: float) -> bool:
-        """Return whether a new motion may begin now; False while the arm comes to rest from an earlier one.
-
-        Raises:
-            InvalidCommand: Somebody else has the arm, and keeps it.
-            ConnectionLost: Whether the arm rests is not known.
-        """
-        motion = self._custody.motion
-        if motion is not None and not self._custody.is_ending and not motion.is_leaving:
-            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
-                                 % motion.owner.value)
-        if not self._custody.is_free or self.is_setting or self.stops_under_way:
-            return False
-        state = self._sight.fresh_state(now)
-        try:
-            require_no_wait(owner, self.evidence(owner, state))
-        except InvalidCommand:
-            return False
-        return self._custody.stillness.duration() >= REST_TIME_S and not self._sight.is_in_question
-
-    def retry(self, now: float) -> None:
-        """Try again to begin the waiting calls."""
-        if not self._waiting:
-            return
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
-            try:
-                one.enter(now)
-            except JakaError as error:
-                self._actions.answer(one.call, None, error)
-
-    def end_waiting(self, error: JakaError) -> None:
-        """Answer every waiting call with this error."""
-        self._actions.answer_all([one.call for one in self._waiting], error)
-        self._waiting = []

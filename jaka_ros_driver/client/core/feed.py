@@ -90,6 +90,7 @@ class Feed:
         self._stream = FrameStream()
         self._arrivals: Deque[float] = deque(maxlen=_RATE_WINDOW)
         self._intervals: Deque[float] = deque(maxlen=_USUAL_WINDOW)
+        self._opened_at = 0.0
         self._last_piece: Optional[float] = None
         self._last_arrival = 0.0
         self._is_doubtful = False
@@ -102,7 +103,8 @@ class Feed:
         self.last_byte_at = 0.0
 
     def open(self, now: float) -> None:
-        """Begin with a new connection: what it sends is new."""
+        """Begin with a new connection: what it sends soon is new."""
+        self._opened_at = now
         self._stream = FrameStream()
         self._arrivals.clear()
         self._intervals.clear()
@@ -197,14 +199,15 @@ class Feed:
         ``sent`` counts the damaged ones, too.
 
         After a pause the newest one does, where nothing was in doubt before and nearly all frames have come that were
-        made since. A doubt ends with a piece before which the port was silent for half a period for each of its frames:
-        what has piled up anywhere comes without such pauses.
+        made since; how many those are is unknown on a connection that has brought nothing yet. A doubt ends with a
+        piece before which the port was silent for half a period for each of its frames: what has piled up anywhere
+        comes without such pauses.
         """
         last, self._last_piece = self._last_piece, now
         was_held_up, self._was_held_up = self._was_held_up, False
         if last is None:
-            self._is_doubtful = was_held_up
-            return 0 if was_held_up else MAX_BURST
+            self._is_doubtful = was_held_up or now - self._opened_at > max(SILENCE_S, 3.0 * self._period)
+            return 0 if self._is_doubtful else MAX_BURST
         interval = now - last
         usual = self.usual_period
         if interval >= _SHORTEST_PERIOD_S:

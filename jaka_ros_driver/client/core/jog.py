@@ -1,7 +1,8 @@
 """The jog with a watchdog: it is stopped a fixed time after the last call, whatever the feed shows."""
 import logging
-from typing import Any, List, Optional
+from typing import List, Optional
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
@@ -23,7 +24,7 @@ class JogMotion(ArmMotion):
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: Jog, call: Any) -> None:
+    def __init__(self, custody: Custody, command: Jog, call: Token) -> None:
         """Set up the motion.
 
         call: Answered with the controller's acceptance.
@@ -31,7 +32,7 @@ class JogMotion(ArmMotion):
         self.command = command
         self.jog_stop = JogStop(command.frame, command.axis)
         self._custody = custody
-        self._calls: List[Any] = [call]
+        self._calls: List[Token] = [call]
         self._accepted_at: Optional[float] = None
         self._start: Optional[Vector] = None
         self._has_moved = False
@@ -41,7 +42,7 @@ class JogMotion(ArmMotion):
         self.deadline = now + self._custody.settings.jog_timeout
         self._custody.channel.request(self.command, now, lambda _, error, at: self._replied(error, at))
 
-    def again(self, call: Any, now: float) -> None:
+    def again(self, call: Token, now: float) -> None:
         """Restart the watchdog for another call."""
         self.deadline = now + self._custody.settings.jog_timeout
         if self._accepted_at is None:

@@ -18,6 +18,7 @@ from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
+from jaka_ros_driver.protocol.exchange import PendingRequest
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
@@ -328,12 +329,12 @@ class Links:
         if self._custody.must_stop:
             self._command.hurry()
 
-    def _drop_command(self, reason: str, now: float, late: Any = None) -> None:
+    def _drop_command(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
         self._may_be_held = True
         self._command.drop(reason, now)
         self._command_lost(reason, now, late)
 
-    def _command_lost(self, reason: str, now: float, late: Any = None) -> None:
+    def _command_lost(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
         was_ready = self.is_ready
         self.is_ready = self.is_servo_active = False
         self._next_beat = _NEVER

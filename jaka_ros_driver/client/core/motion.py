@@ -36,6 +36,7 @@ class ArmMotion:
         is_leaving: It comes to its end by itself: who wants the arm waits for that.
         is_answered_at_rest: After a stop its callers are answered when the arm rests, not when the stop is accepted.
         jog_stop: The command that ends its jog; None where it is none.
+        is_beside_program: A program was paused at the controller when it began: a resumption would run that, too.
     """
 
     owner = MotionOwner.MOVE
@@ -44,6 +45,7 @@ class ArmMotion:
     is_leaving = False
     is_answered_at_rest = False
     jog_stop: Optional[JogStop] = None
+    is_beside_program = False
 
     @property
     def name(self) -> str:

@@ -1,12 +1,13 @@
 """A planned move, or several that are queued: from acceptance to the target, in the evidence of the status feed."""
 import math
-from typing import Any, List, Optional
+from typing import List, Optional, Union
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
-from jaka_ros_driver.commands import JointMove, MoveCommand, PathCommand
+from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, MoveCommand, PathCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
@@ -28,7 +29,7 @@ _LEVER = 0.1
 class _Part:
     """One command of the queue, and the caller who has not been answered yet."""
 
-    def __init__(self, command: MoveCommand, call: Any, waits: bool, end: Any = None) -> None:
+    def __init__(self, command: MoveCommand, call: Token, waits: bool, end: Token = None) -> None:
         self.command = command
         self.call = call
         self.end = end
@@ -45,8 +46,8 @@ class Move(ArmMotion):
     is_paused = False
     """True while it is paused by a call; that time does not count."""
 
-    def __init__(self, custody: Custody, command: MoveCommand, call: Any, waits: bool, state: RobotState,
-                 end: Any = None) -> None:
+    def __init__(self, custody: Custody, command: MoveCommand, call: Token, waits: bool, state: RobotState,
+                 end: Token = None) -> None:
         """Set up the motion.
 
         Args:
@@ -72,7 +73,7 @@ class Move(ArmMotion):
     def begin(self, now: float) -> None:
         self._send(self._parts[0], now)
 
-    def add(self, command: MoveCommand, call: Any, now: float, end: Any = None) -> None:
+    def add(self, command: MoveCommand, call: Token, now: float, end: Token = None) -> None:
         """Queue another move behind the running ones; answered with the controller's acceptance.
 
         Raises:
@@ -173,19 +174,22 @@ class Move(ArmMotion):
         is_late = resting >= max(START_WINDOW_S, self.rest_time)
         if distance is not None and distance <= 1.0:
             if self._has_arrived(distance, resting, state) and self._is_seen_after_all(since):
-                self._custody.finish(now)
+                if self._last_leads_nowhere(state):
+                    custody.stop(None, now)
+                else:
+                    custody.finish(now)
             elif is_late:
-                self._custody.stop(None, now)
+                custody.stop(None, now)
         elif not state.is_in_position and not is_late:
             return
         elif distance is None and self._in_position.shows_the_end(state):
-            self._custody.finish(now)
+            custody.finish(now)
         elif distance is None:
             if is_late:
-                self._custody.stop(MotionInterrupted(
+                custody.stop(MotionInterrupted(
                     StopCause.STOPPED, "the arm came to rest, and the controller does not tell where its tool is"), now)
         elif resting >= max(SETTLE_TIME_S, self.rest_time):
-            self._custody.stop(MotionInterrupted(
+            custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "the arm came to rest %s from the target" % distance_text(target, state)), now)
 
     def _note_reached(self, state: RobotState, now: float) -> None:
@@ -221,6 +225,19 @@ class Move(ArmMotion):
         """
         return self._has_moved or self._custody.is_answered_since(accepted_at)
 
+    def _last_leads_nowhere(self, state: RobotState) -> bool:
+        """Return whether the last command begins where it ends, and the arm rests there.
+
+        Nothing shows that it has begun. One that the controller holds may begin when the arm is elsewhere, and takes it
+        back: a stop makes sure.
+        """
+        return self._places_here(state)[-1]
+
+    def _places_here(self, state: RobotState) -> List[bool]:
+        """Return of the place where the arm began, and of each target but the last, whether the arm is there."""
+        began_here = _joint_distance(state, self._start) <= _JOINT_TOLERANCE * NO_DISTANCE
+        return [began_here, *[_is_at(part.command, state) for part in self._parts[:-1]]]
+
     def _was_run_through(self, state: RobotState) -> bool:
         """Return whether no part of a queue can still begin, of an arm that rests on the last target.
 
@@ -229,9 +246,7 @@ class Move(ArmMotion):
         """
         if not all(part.was_reached for part in self._parts):
             return False
-        earlier = [_is_at(part.command, state) for part in self._parts[:-1]]
-        began_here = _joint_distance(state, self._start) <= _JOINT_TOLERANCE * NO_DISTANCE
-        places = [began_here, *earlier, True]  # that are where the arm is now: the start, each target
+        places = [*self._places_here(state), True]  # that are where the arm is now: the start, each target
         first = len(places) - 1
         while first and places[first - 1]:  # from the first of them on, the way to the next one is no way
             first -= 1
@@ -285,7 +300,7 @@ def _is_beside(command: MoveCommand, state: RobotState) -> bool:
     return distance is not None and distance[0] <= command.tolerance + frame_way
 
 
-def _pose_distance(command: Any, state: RobotState) -> Optional[List[float]]:
+def _pose_distance(command: Union[LinearMove, ArcMove], state: RobotState) -> Optional[List[float]]:
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
     away = math.sqrt(sum([(a - b) ** 2 for a, b in zip(command.target.position, state.tcp_position)]))

@@ -1,7 +1,8 @@
 """Servo mode for a client that streams targets; the arm is held before they come, and when they stop."""
 import math
-from typing import Any, List, Optional, Union
+from typing import List, Optional, Union
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
@@ -24,7 +25,7 @@ class Servo(Streaming):
 
     owner = MotionOwner.SERVO
 
-    def __init__(self, custody: Custody, model: ArmModel, call: Any, state: RobotState, on_mode: OnMode) -> None:
+    def __init__(self, custody: Custody, model: ArmModel, call: Token, state: RobotState, on_mode: OnMode) -> None:
         """Set up the motion.
 
         Args:
@@ -36,14 +37,14 @@ class Servo(Streaming):
         """
         super().__init__(custody, state, on_mode)
         self._model = model
-        self._calls: List[Any] = [call]
+        self._calls: List[Token] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
         self._moved_at = -math.inf
 
     # ---- calls ----
 
-    def leave(self, call: Any, reason: str) -> None:
+    def leave(self, call: Token, reason: str) -> None:
         """Stop at the last target, then leave servo mode; ``call`` (None for nobody) is answered then."""
         if call is not None:
             self._calls.append(call)
@@ -51,7 +52,7 @@ class Servo(Streaming):
         if self._leave_reason is None:
             self._leave_reason = reason
 
-    def join(self, call: Any) -> None:
+    def join(self, call: Token) -> None:
         """Answer another caller of servo mode when it is on."""
         if self._leave_reason is not None:
             raise InvalidCommand("refused: servo mode is being left")

@@ -1,11 +1,12 @@
 """The stops of this driver's motion, and of an arm that somebody else may move. Their callers wait for nothing else."""
 from typing import Any, Callable, Optional
 
-from jaka_ros_driver.client.core.actions import Actions
+from jaka_ros_driver.client.core.actions import Actions, Token
 from jaka_ros_driver.client.core.channel import CommandChannel
-from jaka_ros_driver.client.core.custody import Admission, Custody
+from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Until, pause
+from jaka_ros_driver.client.core.requests.admission import Admission
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import STOP_REPLY, Query, whole_stop
@@ -54,7 +55,7 @@ class Stops:
         self._carry_out = carry_out
         self._newest: Optional[_FreeStop] = None
 
-    def stop(self, call: Any, now: float) -> None:
+    def stop(self, call: Token, now: float) -> None:
         """Stop for a caller, who is answered once; errors as ``ArmCore.stop``."""
         self._end_waiting()
         if self._custody.is_free:
@@ -84,7 +85,7 @@ class Stops:
         self.count += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
 
-    def _stop_free_arm(self, call: Any, now: float) -> None:
+    def _stop_free_arm(self, call: Token, now: float) -> None:
         """Stop an arm that this driver does not move: a program, a jog, or servo mode of somebody else."""
         answer = _Once(self._actions, call)
         stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer,
@@ -245,12 +246,12 @@ class _Once:
         is_given: True once the call is answered.
     """
 
-    def __init__(self, actions: Actions, call: Any) -> None:
+    def __init__(self, actions: Actions, call: Token) -> None:
         self._actions = actions
         self._call = call
         self.is_given = False
 
-    def __call__(self, error: Any) -> None:
+    def __call__(self, error: Optional[JakaError]) -> None:
         if not self.is_given:
             self.is_given = True
             self._actions.answer(self._call, None, error)

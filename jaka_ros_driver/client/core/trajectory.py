@@ -1,12 +1,13 @@
 """The motion along a joint trajectory: streamed on its audited path, joined by the next one, ended at rest on its last
 point.
 """
-from typing import Any, List, NamedTuple, Optional
+from typing import List, NamedTuple, Optional
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, OnMode, Streaming, commanded_joints
 from jaka_ros_driver.commands import ServoJoint
 from jaka_ros_driver.errors import (
@@ -71,7 +72,7 @@ class TrajectoryStart(NamedTuple):
 class Goal(NamedTuple):
     """The tolerances that a client has asked for, and the call that is answered."""
 
-    call: Any
+    call: Token
     tolerances: TrajectoryTolerances
 
 
@@ -84,7 +85,7 @@ class TrajectoryProgress(NamedTuple):
         desired: The wanted state of the joints now.
     """
 
-    call: Any
+    call: Token
     time: float
     desired: JointState
 
@@ -121,6 +122,7 @@ class Trajectory(Streaming):
         self._rests_since: Optional[float] = None
         self._is_begun = False
         self._is_cancelled = False
+        self._held_since: Optional[float] = None
         self.is_paused = False
 
     # ---- calls ----
@@ -137,8 +139,15 @@ class Trajectory(Streaming):
 
     @property
     def is_held(self) -> bool:
-        """True while it is paused, and its stream has come to rest."""
-        return self.is_paused and self._clock.is_still and self._clock.rate == 0.0
+        """True while it is paused, its stream has come to rest, and the controller has no frame of a motion left.
+
+        A stall on the link leaves a queue of frames at the controller, which then lags behind the stream for good: an
+        arm that rests has not begun yet, unless it is where the stream holds it.
+        """
+        if not self.is_paused or self._held_since is None:
+            return False
+        away = max([abs(a - b) for a, b in zip(self._state.joint_position, self._clock.position)])
+        return away <= MOVEMENT or self._observed_at - self._held_since > _LONGEST_LAG_S
 
     def start_after(self, lead: float) -> TrajectoryStart:
         """Return the place where another trajectory can join this one, ``lead`` s ahead on the path."""
@@ -158,7 +167,7 @@ class Trajectory(Streaming):
         self._end = path.at(path.end).position
         self._custody.actions.answer(before.call, None, MotionInterrupted(StopCause.REPLACED))
 
-    def cancel(self, call: Any) -> bool:
+    def cancel(self, call: Token) -> bool:
         """Brake on the path, and end at rest; return False where that goal does not run.
 
         call: Whose goal, None for any.
@@ -211,6 +220,10 @@ class Trajectory(Streaming):
         if self._lag > 0.0:
             self._lag = 0.0 if wanted == 0.0 else self._lag - max(0.0, clock.rate - scale) * SERVO_PERIOD_S
         self._near.sent(clock.position, now)
+        if not (self.is_paused and clock.is_still and clock.rate == 0.0):
+            self._held_since = None
+        elif self._held_since is None:
+            self._held_since = now
         is_over = clock.is_still and (clock.is_at_end or (self._is_cancelled and clock.rate == 0.0))
         if is_over and self._rests_since is None:
             self._rests_since = now

@@ -5,6 +5,7 @@ ROS 1 knows no authentication: a node can call itself as it likes. The address i
 import contextlib
 from typing import Any, Dict, NamedTuple
 
+import genpy
 import rospy
 from rospy.topics import get_topic_manager
 
@@ -27,13 +28,13 @@ def note_peer(header: Dict[str, str], sock: Any) -> None:
     header[PEER] = address_of(sock)
 
 
-def caller_of_request(request: Any) -> Caller:
+def caller_of_request(request: genpy.Message) -> Caller:
     """Return who sent a service request; ``note_peer`` has recorded its address."""
     header = _header(request)
     return Caller(_text(header.get("callerid", "")), header.get(PEER, ""))
 
 
-def caller_of_message(message: Any, topic: str) -> Caller:
+def caller_of_message(message: genpy.Message, topic: str) -> Caller:
     """Return who published a message; ``topic`` as it was subscribed to."""
     header = _header(message)
     host = ""
@@ -53,7 +54,7 @@ def address_of(sock: Any) -> str:
     return ""
 
 
-def _header(message: Any) -> Dict[str, str]:
+def _header(message: genpy.Message) -> Dict[str, str]:
     return getattr(message, "_connection_header", None) or {}
 
 

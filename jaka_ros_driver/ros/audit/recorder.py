@@ -11,7 +11,9 @@ import logging
 import time
 from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple
 
+import genpy
 import rospy
+from actionlib_msgs.msg import GoalID, GoalStatus
 
 from jaka_ros_driver import client
 from jaka_ros_driver.audit.log import AuditLog
@@ -96,7 +98,7 @@ class Recorder:
         if name not in NOT_RECORDED:
             self.names.add(("service", name))
 
-    def call(self, name: str, request: Any) -> CallEntry:
+    def call(self, name: str, request: genpy.Message) -> CallEntry:
         """Begin the record of a call."""
         try:
             return self._call(name, request)
@@ -104,7 +106,7 @@ class Recorder:
             _LOG.exception("the audit log lacks a call of %s", name)
             return CallEntry()
 
-    def _call(self, name: str, request: Any) -> CallEntry:
+    def _call(self, name: str, request: genpy.Message) -> CallEntry:
         if self.log is None or ("service", name) not in self.names:
             return CallEntry()
         caller = caller_of_request(request)
@@ -117,7 +119,7 @@ class Recorder:
             **about, "ok": ok, "message": plain(message), "seconds": round(time.monotonic() - began_at, 6)},
             name in URGENT))
 
-    def _streamed(self, name: str, caller: Caller, request: Any, refusal: str) -> None:
+    def _streamed(self, name: str, caller: Caller, request: genpy.Message, refusal: str) -> None:
         """Record a call of a stream; a jog in another direction is another stream."""
         key = (name, *caller, str(request) if name == "~jog" else "")
         self._streams.note(key, lambda: {"what": name, **caller._asdict(), "arguments": plain(request)}, refusal)
@@ -129,7 +131,7 @@ class Recorder:
         self.names.add(("topic", name))
 
     @_harmless
-    def message(self, name: str, message: Any, refusal: str = "", state: str = "") -> None:
+    def message(self, name: str, message: genpy.Message, refusal: str = "", state: str = "") -> None:
         """Record a message of a topic by which the arm is moved, as one of a stream of its publisher.
 
         state: Separates messages of one publisher that are streams of their own, as one that stops.
@@ -153,12 +155,12 @@ class Recorder:
             "goal": plain(message.goal_id.id), "arguments": plain(message.goal)})
 
     @_harmless
-    def cancel(self, name: str, message: Any) -> None:
+    def cancel(self, name: str, message: GoalID) -> None:
         """Record that a goal is to be cancelled, or with an empty id all goals."""
         self._of_action("cancel", name, message, "/cancel", {"goal": plain(message.id)})
 
     @_harmless
-    def result(self, name: str, status: Any, result: Any) -> None:
+    def result(self, name: str, status: GoalStatus, result: genpy.Message) -> None:
         """Record the end of a goal."""
         if self.log is None:
             return
@@ -167,7 +169,7 @@ class Recorder:
             "status": _STATUS.get(status.status, str(status.status)), "message": plain(status.text),
             "result": plain(result)})
 
-    def _of_action(self, kind: str, name: str, message: Any, topic: str, fields: Mapping[str, Any]) -> None:
+    def _of_action(self, kind: str, name: str, message: genpy.Message, topic: str, fields: Mapping[str, Any]) -> None:
         if self.log is not None:
             caller = caller_of_message(message, rospy.resolve_name(name) + topic)
             self._write(kind, {"what": name, **caller._asdict(), **fields}, name in URGENT)

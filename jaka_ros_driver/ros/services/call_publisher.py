@@ -2,8 +2,9 @@
 import io
 import logging
 import time
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
+import genpy
 import rospy
 
 from jaka_msgs import msg as messages
@@ -19,7 +20,7 @@ class ReceivedCall(NamedTuple):
 
     service: str
     srv_type: Any
-    request: Any
+    request: genpy.Message
     stamp: rospy.Time
     received_at: float
 
@@ -40,7 +41,7 @@ class CallPublisher:
             _LOG.warning("jaka_msgs in %s has no ServiceCall: the record of service calls, ~service_calls, is not "
                          "published; everything else is served", messages.__path__[0])
 
-    def answered(self, call: ReceivedCall, response: Any, outcome: ServiceOutcome) -> None:
+    def answered(self, call: ReceivedCall, response: genpy.Message, outcome: ServiceOutcome) -> None:
         """Publish a call that ended with this response."""
         self._publish(call, response=response, success=outcome.is_success,
                       error="" if outcome.is_success else outcome.message)
@@ -49,7 +50,8 @@ class CallPublisher:
         """Publish a call that ended with a ROS service error instead of a response."""
         self._publish(call, error=error)
 
-    def _publish(self, call: ReceivedCall, error: str, response: Any = None, success: bool = False) -> None:
+    def _publish(self, call: ReceivedCall, error: str, response: Optional[genpy.Message] = None,
+                 success: bool = False) -> None:
         if self._publisher is None or not self._publisher.get_num_connections():
             return
         header = call.request._connection_header
@@ -65,7 +67,7 @@ class CallPublisher:
         self._publisher.publish(message)
 
 
-def _serialised(message: Any) -> bytes:
+def _serialised(message: genpy.Message) -> bytes:
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()

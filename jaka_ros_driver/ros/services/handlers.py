@@ -102,10 +102,10 @@ class ServiceHandlers:
 
     def output(self, command: Union[c.SetDigitalOutput, c.SetAnalogOutput]) -> ServiceOutcome:
         """Serve set_io: set the output and read it back."""
-        set_output = (settings.set_digital_output if isinstance(command, c.SetDigitalOutput)
-                      else settings.set_analog_output)
         with self._outputs:
-            return ServiceOutcome(self._arm.run(lambda core: set_output(core, command)))
+            return ServiceOutcome(self._arm.run(
+                lambda core: settings.set_digital_output(core, command) if isinstance(command, c.SetDigitalOutput)
+                else settings.set_analog_output(core, command)))
 
     def zero_force_sensor(self, _: None) -> ServiceOutcome:
         """Serve zero_ftsensor: zero the force sensor, and check that it reads zero."""

@@ -5,6 +5,8 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StillRunning
 from typing import Any, Callable, Dict, Optional
 
+from actionlib.server_goal_handle import ServerGoalHandle
+
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
@@ -59,11 +61,11 @@ class PathAction:
 
     # ---- called by actionlib ----
 
-    def _take(self, handle: Any) -> None:
+    def _take(self, handle: ServerGoalHandle) -> None:
         self._goals[handle.get_goal_id().id] = _Goal()
         threading.Thread(target=self._carry_out, args=(handle,), name="path goal", daemon=True).start()
 
-    def _cancel(self, handle: Any) -> None:
+    def _cancel(self, handle: ServerGoalHandle) -> None:
         goal = self._goals.get(handle.get_goal_id().id)
         if goal is not None:
             goal.is_cancelled.set()
@@ -72,7 +74,7 @@ class PathAction:
 
     # ---- in the goal's own thread ----
 
-    def _carry_out(self, handle: Any) -> None:
+    def _carry_out(self, handle: ServerGoalHandle) -> None:
         goal = self._goals[handle.get_goal_id().id]
         with self._count.one():
             try:
@@ -92,7 +94,7 @@ class PathAction:
             finally:
                 del self._goals[handle.get_goal_id().id]
 
-    def _watch(self, handle: Any, goal: _Goal, done: "Future[PathProgress]") -> PathProgress:
+    def _watch(self, handle: ServerGoalHandle, goal: _Goal, done: "Future[PathProgress]") -> PathProgress:
         """Publish the path's progress until it ends; raise the error with which it ends."""
         is_accepted = is_cancelled = False
         while True:
@@ -111,7 +113,7 @@ class PathAction:
                 handle.publish_feedback(messages.MovePathFeedback(
                     segment=progress.completed, fraction=progress.fraction, paused=progress.is_paused))
 
-    def _accept(self, handle: Any, goal: _Goal) -> None:
+    def _accept(self, handle: ServerGoalHandle, goal: _Goal) -> None:
         """Accept a goal that is still pending.
 
         That is needed also of a path that is over before this thread looks: actionlib knows no end of a pending goal.
@@ -120,20 +122,20 @@ class PathAction:
                                                handle.get_goal_status().RECALLING):
             handle.set_accepted()
 
-    def _failed(self, handle: Any, goal: _Goal, error: JakaError) -> None:
+    def _failed(self, handle: ServerGoalHandle, goal: _Goal, error: JakaError) -> None:
         completed, fraction = 0, 0.0
         if isinstance(error, PathInterrupted):
             completed, fraction = error.completed, error.fraction
         self._end(self._end_of(handle, goal, error), False, str(error), completed, fraction)
 
-    def _end_of(self, handle: Any, goal: _Goal, error: Optional[JakaError]) -> Callable[[Any, str], None]:
+    def _end_of(self, handle: ServerGoalHandle, goal: _Goal, error: Optional[JakaError]) -> Callable[[Any, str], None]:
         """Return the kind of end: cancelled; rejected, where nothing moved; else aborted."""
         if isinstance(error, MotionInterrupted) and error.cause is StopCause.CANCELLED:
-            return handle.set_canceled  # type: ignore[no-any-return]
+            return handle.set_canceled
         if not goal.is_begun.is_set():
-            return handle.set_rejected  # type: ignore[no-any-return]
+            return handle.set_rejected
         self._accept(handle, goal)
-        return handle.set_aborted  # type: ignore[no-any-return]
+        return handle.set_aborted
 
     def _end(self, end: Callable[[Any, str], None], success: bool, text: str, completed: int, fraction: float) -> None:
         end(messages.MovePathResult(success=success, message=text, completed=completed, fraction=fraction), text)

@@ -4,7 +4,9 @@ import logging
 import threading
 from concurrent.futures import Future
 from queue import Empty, SimpleQueue
-from typing import Any, Dict, Optional
+from typing import Dict, Optional
+
+from actionlib.server_goal_handle import ServerGoalHandle
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -48,17 +50,17 @@ class RecoverAction:
         if not self._goals.wait_for_none(timeout):
             _LOG.warning("a recovery was not answered before the driver shut down")
 
-    def _take(self, goal: Any) -> None:
+    def _take(self, goal: ServerGoalHandle) -> None:
         self._cancels[goal.get_goal_id().id] = threading.Event()
         goal.set_accepted()
         threading.Thread(target=self._carry_out, args=(goal,), name="recover", daemon=True).start()
 
-    def _cancel(self, goal: Any) -> None:
+    def _cancel(self, goal: ServerGoalHandle) -> None:
         cancelled = self._cancels.get(goal.get_goal_id().id)
         if cancelled is not None:
             cancelled.set()
 
-    def _carry_out(self, goal: Any) -> None:
+    def _carry_out(self, goal: ServerGoalHandle) -> None:
         goal_id = goal.get_goal_id().id
         with self._goals.one():
             try:
@@ -71,7 +73,7 @@ class RecoverAction:
             finally:
                 del self._cancels[goal_id]
 
-    def _recover(self, goal: Any, cancelled: threading.Event) -> str:
+    def _recover(self, goal: ServerGoalHandle, cancelled: threading.Event) -> str:
         """Recover the arm, and return what was done; publish the steps in this thread, because the client's must not
         wait.
 

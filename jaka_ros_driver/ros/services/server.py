@@ -104,5 +104,4 @@ def take_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Opti
     service = registration.get_service_manager().get_service(header.get("service", ""))
     if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
         return None
-    error: Optional[str] = tcpros_service.service_connection_handler(sock, client_addr, header)
-    return error
+    return tcpros_service.service_connection_handler(sock, client_addr, header)

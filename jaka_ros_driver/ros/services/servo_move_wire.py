@@ -9,7 +9,7 @@ It has a second request field ``float32[] speed``, which its driver does not use
     string message
 """
 import struct
-from typing import Any, Tuple
+from typing import Any, BinaryIO, List, Sequence, Tuple
 
 import genpy
 
@@ -26,15 +26,18 @@ class ServoMoveWithSpeedRequest(genpy.Message):
     __slots__ = ["pose", "speed"]
     _slot_types = ["float32[]", "float32[]"]
 
+    pose: Sequence[float]
+    speed: Sequence[float]
+
     def __init__(self, *args: Any, **kwds: Any) -> None:
         super().__init__(*args, **kwds)
         self.pose = self.pose or []
         self.speed = self.speed or []
 
-    def _get_types(self) -> Any:
+    def _get_types(self) -> List[str]:
         return self._slot_types
 
-    def serialize(self, buff: Any) -> None:
+    def serialize(self, buff: BinaryIO) -> None:
         for values in (self.pose, self.speed):
             buff.write(struct.pack("<I%df" % len(values), len(values), *values))
 
@@ -56,7 +59,7 @@ class ServoMoveWithSpeed:
     _response_class = ServoMoveResponse
 
 
-def _floats(data: bytes, start: int) -> Tuple[Any, int]:
+def _floats(data: bytes, start: int) -> Tuple[Tuple[float, ...], int]:
     (count,) = struct.unpack_from("<I", data, start)
     values = struct.unpack_from("<%df" % count, data, start + 4)
     return values, start + 4 + 4 * count

@@ -5,8 +5,9 @@ service error.
 """
 import logging
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Protocol, Tuple, Type, TypeVar
 
+import genpy
 import rospy
 from std_srvs.srv import Empty, SetBool, Trigger
 
@@ -14,8 +15,11 @@ from jaka_msgs import srv as types
 from jaka_msgs.srv import (
     ClearErr,
     GetFK,
+    GetFKResponse,
     GetIK,
+    GetIKResponse,
     GetIO,
+    GetIOResponse,
     Move,
     ServoMove,
     ServoMoveEnable,
@@ -36,40 +40,59 @@ from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 
 _LOG = logging.getLogger(__name__)
 
+_Request = TypeVar("_Request", bound=genpy.Message)
+_Request_co = TypeVar("_Request_co", bound=genpy.Message, covariant=True)
+_Response_co = TypeVar("_Response_co", bound=genpy.Message, covariant=True)
+_Command = TypeVar("_Command")
+_Response = TypeVar("_Response", bound=genpy.Message)
 FLOAT32_MAX = 3.4028234663852886e38
 
 
-def as_ret(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+class WithRet(Protocol):
+    """A response of jaka_msgs."""
+
+    ret: int
+    message: str
+
+
+class WithSuccess(Protocol):
+    """A response of std_srvs/SetBool or Trigger."""
+
+    success: bool
+    message: str
+
+
+def as_ret(response: WithRet, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set ``ret``, 1 or 0, and ``message`` (docs/interface.md section 4.1)."""
     response.ret = int(outcome.is_success)
     response.message = outcome.message
 
 
-def as_success(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_success(response: WithSuccess, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of std_srvs/SetBool and Trigger."""
     response.success = outcome.is_success
     response.message = outcome.message
 
 
-def as_exception(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_exception(response: genpy.Message, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Raise rospy.ServiceException on failure: std_srvs/Empty has no field for it."""
     if not outcome.is_success:
         raise rospy.ServiceException(outcome.message)
 
 
-def as_value(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_value(response: GetIOResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_io, without ``ret``: failure is NaN and ``error:`` (docs/interface.md section 4.1)."""
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 
 
-def as_pose(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_pose(response: GetFKResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_fk; the pose is empty on failure."""
     response.message = outcome.message
     response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
 
 
-def as_joints(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_joints(response: GetIKResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_ik; the joints are empty on failure."""
     response.message = outcome.message
     response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
@@ -105,41 +128,64 @@ class ServiceSpec(NamedTuple):
     report: Callable[[Any, ServiceOutcome, bool], None] = as_ret
 
 
+class _Definition(Protocol[_Request_co, _Response_co]):
+    """A generated service type, by the classes of its requests and responses."""
+
+    @property
+    def _request_class(self) -> Type[_Request_co]: ...
+
+    @property
+    def _response_class(self) -> Type[_Response_co]: ...
+
+
+def service(name: str, srv_type: _Definition[_Request, _Response],
+            to_command: Callable[[RequestDecoder, _Request], _Command],
+            perform: Callable[[ServiceHandlers, _Command], ServiceOutcome],
+            report: Callable[[_Response, ServiceOutcome, bool], None]) -> ServiceSpec:
+    """Return a service whose decoder takes the requests of its type, whose handler takes what that decodes, and whose
+    responses are of its type.
+
+    A type checker sees that they fit each other.
+    """
+    return ServiceSpec(name, srv_type, to_command, perform, report)
+
+
 SERVICES: Tuple[ServiceSpec, ...] = (
-    ServiceSpec("linear_move", Move, RequestDecoder.linear_move, ServiceHandlers.move),
-    ServiceSpec("joint_move", Move, RequestDecoder.joint_move, ServiceHandlers.move),
-    ServiceSpec("jog", Move, RequestDecoder.jog, ServiceHandlers.jog),
-    ServiceSpec("servo_move_enable", ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode),
-    ServiceSpec("servo_p", ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target),
-    ServiceSpec("servo_j", ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target),
-    ServiceSpec("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
-    ServiceSpec("set_toolframe", SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame),
-    ServiceSpec("set_userframe", SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame),
-    ServiceSpec("set_payload", SetPayload, RequestDecoder.payload, ServiceHandlers.payload),
-    ServiceSpec("drag_mode", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
-    ServiceSpec("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
-    ServiceSpec("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level),
-    ServiceSpec("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output),
-    ServiceSpec("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
-    ServiceSpec("zero_ftsensor", Trigger, RequestDecoder.nothing, ServiceHandlers.zero_force_sensor, as_success),
-    ServiceSpec("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error),
-    ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
-    ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
-    ServiceSpec("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
-    ServiceSpec("pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause, as_success),
-    ServiceSpec("resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume, as_success),
-    ServiceSpec("program/play", Trigger, RequestDecoder.nothing, ServiceHandlers.play_program, as_success),
-    ServiceSpec("program/pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause_program, as_success),
-    ServiceSpec("program/resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume_program, as_success),
-    ServiceSpec("program/stop", Trigger, RequestDecoder.nothing, ServiceHandlers.stop_program, as_success),
-    ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
-    ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
+    service("linear_move", Move, RequestDecoder.linear_move, ServiceHandlers.move, as_ret),
+    service("joint_move", Move, RequestDecoder.joint_move, ServiceHandlers.move, as_ret),
+    service("jog", Move, RequestDecoder.jog, ServiceHandlers.jog, as_ret),
+    service("servo_move_enable", ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode, as_ret),
+    service("servo_p", ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target, as_ret),
+    service("servo_j", ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target, as_ret),
+    service("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
+    service("set_toolframe", SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame, as_ret),
+    service("set_userframe", SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame, as_ret),
+    service("set_payload", SetPayload, RequestDecoder.payload, ServiceHandlers.payload, as_ret),
+    service("drag_mode", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    service("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    service("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level,
+            as_ret),
+    service("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output, as_ret),
+    service("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
+    service("zero_ftsensor", Trigger, RequestDecoder.nothing, ServiceHandlers.zero_force_sensor, as_success),
+    service("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error, as_ret),
+    service("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
+    service("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
+    service("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
+    service("pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause, as_success),
+    service("resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume, as_success),
+    service("program/play", Trigger, RequestDecoder.nothing, ServiceHandlers.play_program, as_success),
+    service("program/pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause_program, as_success),
+    service("program/resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume_program, as_success),
+    service("program/stop", Trigger, RequestDecoder.nothing, ServiceHandlers.stop_program, as_success),
+    service("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
+    service("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )
 if hasattr(types, "SetSpeedSlider"):  # a jaka_msgs from elsewhere (JAKA_MSGS_EXTERNAL=1) lacks it
-    SERVICES += (ServiceSpec("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed,
+    SERVICES += (service("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed,
                              as_success),)
 if hasattr(types, "LoadProgram"):
-    SERVICES += (ServiceSpec("program/load", types.LoadProgram, RequestDecoder.program_name,
+    SERVICES += (service("program/load", types.LoadProgram, RequestDecoder.program_name,
                              ServiceHandlers.load_program, as_success),)
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
 """Other definitions of a type of jaka_msgs, with which clients may have been built."""

@@ -5,7 +5,7 @@ alone is published ten times a second at most, and only while somebody subscribe
 a second, so that a reader can see that it holds.
 """
 import logging
-from typing import Any, Tuple
+from typing import Any, Optional, Tuple
 
 import rospy
 
@@ -34,7 +34,7 @@ class IoPublisher:
         self._stamps = stamps
         self._published = NOTHING_REPORTED
         self._published_at = float("-inf")
-        self._publisher: Any = None
+        self._publisher: Optional[rospy.Publisher[messages.IOStates]] = None
         if hasattr(messages, "IOStates"):
             self._publisher = rospy.Publisher("~io_states", messages.IOStates, queue_size=_QUEUE, latch=True,
                                               tcp_nodelay=True)
@@ -47,15 +47,17 @@ class IoPublisher:
             self._arm.add_listener(self._arrived)
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
-        if is_new and state.io != NOTHING_REPORTED and self._is_due(state):
+        publisher = self._publisher
+        assert publisher is not None
+        if is_new and state.io != NOTHING_REPORTED and self._is_due(state, publisher):
             self._published, self._published_at = state.io, state.received_at
-            self._publisher.publish(convert.io_states(state.io, self._stamps.of(state)))
+            publisher.publish(convert.io_states(state.io, self._stamps.of(state)))
 
-    def _is_due(self, state: RobotState) -> bool:
+    def _is_due(self, state: RobotState, publisher: "rospy.Publisher[messages.IOStates]") -> bool:
         age = state.received_at - self._published_at
         if age >= _PERIOD_S or _digital(state.io) != _digital(self._published):
             return True
-        return (age >= _ANALOG_PERIOD_S and bool(self._publisher.get_num_connections())
+        return (age >= _ANALOG_PERIOD_S and bool(publisher.get_num_connections())
                 and state.io != self._published)
 
 

@@ -35,8 +35,8 @@ class MotionEnds:
         self._reason = ""
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._publish, name="motion ends", daemon=True)
-        self._moves: Any = None
-        self._programs: Any = None
+        self._moves: Optional[rospy.Publisher[messages.MotionState]] = None
+        self._programs: Optional[rospy.Publisher[messages.ProgramState]] = None
         if hasattr(messages, "MotionState") and hasattr(messages, "ProgramState"):
             self._moves = rospy.Publisher("~motion_state", messages.MotionState, queue_size=_QUEUE, latch=True)
             self._programs = rospy.Publisher("~program/state", messages.ProgramState, queue_size=_QUEUE, latch=True)

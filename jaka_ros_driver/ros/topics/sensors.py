@@ -3,8 +3,9 @@
 A message that nobody subscribes to is not made. Nothing is published of a sample that is stale or lacks the value.
 """
 import logging
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Generic, Optional, Tuple, Type, TypeVar
 
+import genpy
 import rospy
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
@@ -22,17 +23,19 @@ _EARLY = 0.5
 TEMPERATURE_PERIOD_S = 1.0
 CURRENT_PERIOD_S = 0.1
 
+_Message = TypeVar("_Message", bound=genpy.Message)
 Read = Callable[[RobotState], Optional[Vector]]
 
 
-class SensorTopic:
+class SensorTopic(Generic[_Message]):
     """One topic of values that not every feed has.
 
     ``read`` takes the values out of a state, ``to_message`` makes the message of a state and its values; ``period``: s
     between two messages at least, 0 for each sample.
     """
 
-    def __init__(self, name: str, message_type: Any, read: Read, to_message: Callable[[RobotState, Vector], Any],
+    def __init__(self, name: str, message_type: Type[_Message], read: Read,
+                 to_message: Callable[[RobotState, Vector], _Message],
                  period: float = 0.0) -> None:
         self._name = name
         self._type = message_type
@@ -40,7 +43,7 @@ class SensorTopic:
         self._to_message = to_message
         self._period = period
         self._published_at = float("-inf")
-        self._publisher: Any = None
+        self._publisher: Optional[rospy.Publisher[_Message]] = None
 
     def offer_where_it_is_known(self, state: RobotState) -> None:
         """Offer the topic where the state has its values."""
@@ -75,7 +78,7 @@ class SensorPublishers:
         self._arm = arm
         self._early = _EARLY * arm.settings.feed_period
         self._sensor_error = 0
-        self._topics = (
+        self._topics: Tuple[SensorTopic[Any], ...] = (
             SensorTopic("~wrench", WrenchStamped, lambda state: state.wrench, lambda state, values: convert.wrench(
                 values, stamps.of(state), sensor_frame)),
             SensorTopic("~joint_temperatures", Float64MultiArray, lambda state: state.joint_temperature,

@@ -4,7 +4,7 @@ Targets are absolute and in SI units in both interfaces. A refused target moves 
 counted. A target whose stamp is old, or from a clock that is ahead, is refused: it may come from a played bag or from a
 buffer that was held up. Many clients stamp nothing; a stamp of zero gives no age and counts.
 """
-from typing import Any, Callable
+from typing import Any, Callable, Union
 
 import rospy
 from geometry_msgs.msg import PoseStamped
@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.velocity_jog.dead_man import AHEAD_S, FRESH_S
+from jaka_ros_driver.commands import ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
@@ -39,11 +40,11 @@ class ServoTopics:
             self._recorder.takes_topic(name)
             rospy.Subscriber(name, kind, self._taker(name, to_command), queue_size=1, tcp_nodelay=True)
 
-    def _pose_target(self, message: PoseStamped) -> Any:
+    def _pose_target(self, message: PoseStamped) -> ServoPose:
         state = self._arm.fresh_state()
         return self._decoder.servo_pose_topic(message, self._names.user(state.user_frame_id))
 
-    def _taker(self, name: str, to_command: Callable[[Any], Any]) -> Callable[[Any], None]:
+    def _taker(self, name: str, to_command: Callable[[Any], Union[ServoJoint, ServoPose]]) -> Callable[[Any], None]:
         def take(message: Any) -> None:
             try:
                 require_fresh(message.header.stamp, rospy.Time.now())

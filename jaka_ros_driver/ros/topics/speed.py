@@ -26,4 +26,4 @@ class SpeedPublisher:
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         if is_new and state.rapid_rate is not None and state.rapid_rate != self._published:
             self._published = state.rapid_rate
-            self._publisher.publish(state.rapid_rate)
+            self._publisher.publish(Float64(state.rapid_rate))

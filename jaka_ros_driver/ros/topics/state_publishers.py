@@ -3,8 +3,9 @@
 Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
 not made: its making would cost as much as that of those which are read.
 """
-from typing import Any, List, NamedTuple, Optional, Union
+from typing import List, NamedTuple, Optional, Type, TypeVar, Union
 
+import genpy
 import rospy
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from sensor_msgs.msg import JointState
@@ -22,6 +23,7 @@ from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinne
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
+_Message = TypeVar("_Message", bound=genpy.Message)
 _QUEUE = 10
 _EARLY_S = 0.0005
 """Longest lead, s, with which a repeat is published, because the timer is no more exact."""
@@ -147,5 +149,5 @@ class StatePublishers(LoopTask):
         return transforms
 
 
-def _publisher(name: str, message_type: Any) -> rospy.Publisher:
+def _publisher(name: str, message_type: Type[_Message]) -> "rospy.Publisher[_Message]":
     return rospy.Publisher(name, message_type, queue_size=_QUEUE, tcp_nodelay=True)

@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from typing import Any, Callable, Dict, Optional
 
 import rospy
+from actionlib.server_goal_handle import ServerGoalHandle
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -101,11 +102,11 @@ class TrajectoryAction:
 
     # ---- called by actionlib ----
 
-    def _take(self, handle: Any) -> None:
+    def _take(self, handle: ServerGoalHandle) -> None:
         self._goals[handle.get_goal_id().id] = _Goal(self._arm.stops)
         self._turns.put(lambda: self._begin(handle))
 
-    def _cancel(self, handle: Any) -> None:
+    def _cancel(self, handle: ServerGoalHandle) -> None:
         goal = self._goals.get(handle.get_goal_id().id)
         if goal is not None:
             goal.is_cancelled = True
@@ -114,7 +115,7 @@ class TrajectoryAction:
 
     # ---- in the thread of turns ----
 
-    def _begin(self, handle: Any) -> None:
+    def _begin(self, handle: ServerGoalHandle) -> None:
         goal_id = handle.get_goal_id().id
         goal, message = self._goals[goal_id], handle.get_goal()
         if goal.is_cancelled:
@@ -141,13 +142,13 @@ class TrajectoryAction:
 
     def _end_what_is_under_way(self) -> None:
         owner = self._arm.motion_owner
-        if not self._arm.cancel_trajectory() and owner not in (None, MotionOwner.TRAJECTORY):
+        if not self._arm.cancel_trajectory() and owner is not None and owner is not MotionOwner.TRAJECTORY:
             raise InvalidCommand("refused: %s owns the arm's motion; an empty trajectory ends trajectories only"
                                  % owner.value)
 
     # ---- in the goal's own thread ----
 
-    def _watch(self, handle: Any, done: "Optional[Future[None]]") -> None:
+    def _watch(self, handle: ServerGoalHandle, done: "Optional[Future[None]]") -> None:
         with self._count.one():
             if done is None:
                 self._hold(handle)
@@ -163,7 +164,7 @@ class TrajectoryAction:
                 self._end(handle, handle.set_succeeded, SUCCESSFUL, "the arm rests at the last point")
                 return
 
-    def _hold(self, handle: Any) -> None:
+    def _hold(self, handle: ServerGoalHandle) -> None:
         """Wait until the arm rests, and end a goal without points.
 
         Such a goal has ended the running trajectory.
@@ -176,21 +177,21 @@ class TrajectoryAction:
         else:
             self._end(handle, handle.set_aborted, PATH_TOLERANCE_VIOLATED, "the arm was not seen at rest")
 
-    def _publish_feedback(self, handle: Any, done: "Future[None]") -> None:
+    def _publish_feedback(self, handle: ServerGoalHandle, done: "Future[None]") -> None:
         progress, state = self._arm.trajectory, self._arm.state
         if progress is not None and progress.call is done and state is not None:
             handle.publish_feedback(fill_states(
                 self._feedback_type(), self._decoder.joint_names, rospy.Time.now(), progress.desired,
                 (state.joint_position, state.joint_velocity), progress.time))
 
-    def _ended_with(self, handle: Any, error: JakaError) -> None:
+    def _ended_with(self, handle: ServerGoalHandle, error: JakaError) -> None:
         _LOG.info("%s: %s", self._name, error)
         if isinstance(error, MotionInterrupted) and error.cause in (StopCause.CANCELLED, StopCause.REPLACED):
             self._end(handle, handle.set_canceled, SUCCESSFUL, str(error))
         else:
             self._end(handle, handle.set_aborted, _code_of_end(error), str(error))
 
-    def _end(self, handle: Any, end: Callable[[Any, str], None], code: int, text: str) -> None:
+    def _end(self, handle: ServerGoalHandle, end: Callable[[Any, str], None], code: int, text: str) -> None:
         end(self._result_type(error_code=code, error_string=text), text)
         self._goals.pop(handle.get_goal_id().id, None)
 

@@ -4,6 +4,7 @@ import time
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import rospy
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from jaka_ros_driver.commands import JOINTS
@@ -26,7 +27,7 @@ class TrajectoryDecoder:
         self._index.update(zip(self.joint_names, range(len(JOINTS))))
         self._config = config
 
-    def trajectory(self, message: Any, may_end_moving: bool = False) -> Optional[JointTrajectory]:
+    def trajectory(self, message: JointTrajectoryMessage, may_end_moving: bool = False) -> Optional[JointTrajectory]:
         """Decode a trajectory_msgs/JointTrajectory; None where it has no points, which means: stop.
 
         Raises:
@@ -90,7 +91,7 @@ class TrajectoryDecoder:
         return [found[index] for index in range(len(JOINTS))]
 
     @staticmethod
-    def _point(number: int, point: Any, order: Sequence[int]) -> TrajectoryPoint:
+    def _point(number: int, point: JointTrajectoryPoint, order: Sequence[int]) -> TrajectoryPoint:
         def values(field: str, is_needed: bool) -> Optional[Vector]:
             given = getattr(point, field)
             if not is_needed and not len(given):

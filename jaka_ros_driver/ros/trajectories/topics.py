@@ -1,6 +1,7 @@
 """Trajectories by topic, the controller's state, and the other names that ROS-Industrial clients expect."""
 from typing import Any, Callable, Dict, List, Optional
 
+import genpy
 import rospy
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
@@ -44,11 +45,11 @@ class TrajectoryInterface:
         names += ["joint_trajectory_action"] if config.industrial_names else []
         self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals, recorder)
                          for name in names]
-        self._states: List[rospy.Publisher] = []
+        self._states: List[rospy.Publisher[Any]] = []
         self._joint_velocity = joint_velocity
         self._clock = StampClock(ros_clock())
         self._published_at = 0.0
-        self._newest: Dict[str, Any] = {}
+        self._newest: Dict[str, JointTrajectoryMessage] = {}
         self._stop_service: Optional[ServiceServer] = None
 
     def offer(self) -> None:
@@ -78,7 +79,7 @@ class TrajectoryInterface:
 
     # ---- inside ----
 
-    def _command(self, message: Any, name: str) -> None:
+    def _command(self, message: JointTrajectoryMessage, name: str) -> None:
         """Take a trajectory; of several that wait only the newest is followed.
 
         A faster stream than can be audited must not be followed late. One without points ends the running trajectory at
@@ -94,7 +95,7 @@ class TrajectoryInterface:
         self._newest.clear()
         self._arm.cancel_trajectory()
 
-    def _follow(self, message: Any, name: str, stops: int) -> None:
+    def _follow(self, message: JointTrajectoryMessage, name: str, stops: int) -> None:
         """Follow a trajectory of a topic; log a refusal or an early end, because a topic has no answer."""
         if self._newest.get(name) is not message:
             self._recorder.message(name, message, "a newer one came before it began")
@@ -108,9 +109,9 @@ class TrajectoryInterface:
             rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
             return
         self._recorder.message(name, message)
-        done.add_done_callback(lambda ended: ended.exception() and rospy.loginfo("%s: %s", name, ended.exception()))
+        done.add_done_callback(lambda ended: _log_end(name, ended.exception()))
 
-    def _stop_motion(self, request: Any, response: Any) -> Any:
+    def _stop_motion(self, request: genpy.Message, response: Any) -> Any:
         entry = self._recorder.call("stop_motion", request)
         try:
             self._arm.stop()
@@ -137,6 +138,11 @@ class TrajectoryInterface:
             publisher.publish(fill_states(publisher.data_class(), self._decoder.joint_names, stamp, desired,
                                           (state.joint_position, velocity), 0.0 if progress is None
                                           else progress.time))
+
+
+def _log_end(name: str, error: Optional[BaseException]) -> None:
+    if error is not None:
+        rospy.loginfo("%s: %s", name, error)
 
 
 def _resting(state: RobotState) -> JointState:

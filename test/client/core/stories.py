@@ -4,6 +4,7 @@ import math
 
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.client.core.invariants import check_invariants
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol.framing import ObjectStream
@@ -44,6 +45,7 @@ class Story:
         self.servo_mode = False
         self.core = ArmCore(ClientSettings("10.0.0.1", **settings), load_model("zu7"))
         self._stream = ObjectStream()
+        self._depth = 0
         self._begin()
         self.perform()
         if ready:
@@ -60,6 +62,14 @@ class Story:
             self.perform()
 
     def perform(self):
+        """Perform what the core asks for; a reply comes at once, within the action that sends its request."""
+        self._depth += 1
+        self._perform_all()
+        self._depth -= 1
+        if self._depth == 0:
+            check_invariants(self.core, bool(self.told) and self.told[-1], self.now)
+
+    def _perform_all(self):
         for action in self.core.take_actions():
             if isinstance(action, Answer):
                 assert action.call not in self.answers, "answered twice"

@@ -5,6 +5,7 @@ import pytest
 from stories import HOME, PERIOD, Story
 
 from jaka_ros_driver.client.core.actions import Close, Open, Port
+from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.procedures import pausing, power, session, settings
 from jaka_ros_driver.client.core.procedures.settings import ReadBackMismatch
 from jaka_ros_driver.client.core.servo_planner import PoseServo
@@ -46,13 +47,19 @@ def test_motion_is_possible_while_this_driver_plays_the_program_itself():
     assert story.core.is_motion_possible(story.now)
 
 
-def test_what_the_feed_shows_before_the_acceptance_says_nothing_of_a_program():
+def asked_to_play():
+    """Return a story in which a program was asked for, and the controller has not replied."""
     story = Story()
     story.fields["interp_state"] = IDLE
     story.run(0.1)
     story.replies["play_program"] = None
     story.core.play("play", "end", story.now)
     story.perform()
+    return story
+
+
+def test_what_the_feed_shows_before_the_acceptance_says_nothing_of_a_program():
+    story = asked_to_play()
     story.fields["interp_state"] = RUNNING
     story.run(0.1)
     assert story.error("play") == "pending"
@@ -453,3 +460,40 @@ def test_who_was_held_up_asks_the_controller_at_once():
     story.core.tick(story.now)
     story.perform()
     assert story.count("is_in_servomove") == asked + 2
+
+
+# ---- custody that ends as it begins, and replies that come too late ----
+
+class _RefusedAtOnce(ArmMotion):
+    """A motion that cannot send its first command."""
+
+    def __init__(self):
+        self.outcomes = []
+
+    def begin(self, now):
+        raise InvalidCommand("nothing can be sent")
+
+    def ended(self, outcome):
+        self.outcomes.append(outcome)
+
+
+def test_a_motion_that_could_not_send_anything_ends_with_its_error_alone():
+    story, motion = Story(), _RefusedAtOnce()
+    with pytest.raises(InvalidCommand, match="nothing can be sent"):
+        story.core.custody.begin(motion, story.now)
+    story.perform()
+    assert story.core.is_free and motion.outcomes == [], "its caller has the error; no end is told besides"
+
+
+def test_a_late_refusal_of_a_program_concerns_no_later_motion():
+    story = asked_to_play()
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert story.run(0.6).core.is_free
+    story.core.move("move", to(0.4), True, story.now)
+    story.perform()
+    story.run(0.1, move=0.4, **MOVING)
+    stops = story.count("stop_program")
+    story.reply("play_program", "2")
+    assert story.run(0.1, move=0.4, **MOVING).count("stop_program") == stops
+    assert story.error("move") == "pending" and not story.core.custody.is_ending

@@ -26,19 +26,25 @@ LOOSE = TrajectoryTolerances((None,) * 6, (0.01,) * 6, 1.0)
 
 
 class Following(Story):
-    """An arm that is where it was sent one cycle ago, unless its ``joints`` are held by the test."""
+    """An arm that is where it was sent one cycle ago, unless its ``joints`` are held by the test.
+
+    Attributes:
+        is_held: The arm stays where it is.
+        queued: Frames that the controller holds back, as after a stall on the link.
+    """
 
     def __init__(self, **settings):
+        self.queued = 0
         super().__init__(**settings)
         self.is_held = False
         self.fields["rapidrate"] = 1.0
 
     def run(self, seconds, **fields):
         for _ in range(int(round(seconds / PERIOD))):
-            last = frames(self)[-1:]
+            sent = frames(self)[:-self.queued or None]
             super().run(PERIOD, **fields)
-            if last and not self.is_held:
-                self.joints = list(last[0])
+            if sent and not self.is_held:
+                self.joints = list(sent[-1])
         return self
 
     def follow(self, call, points, tolerances=LOOSE, elapsed=0.0, lead=0.016):
@@ -378,6 +384,30 @@ def test_a_trajectory_is_paused_by_its_stream_and_not_by_the_controller():
     held = frames(story)[-1]
     story.run(0.3)
     assert frames(story)[-1] == held and 0.0 < held[0] < 0.5
+
+
+def test_an_arm_that_lags_behind_its_stream_is_paused_only_where_it_is_held():
+    story = following(to(1.5, 1.0))
+    story.queued = 40
+    story.run(0.3)
+    assert max(map(abs, moves(story))) > 0.0 and story.joints == list(HOME)
+    story.core.run("pause", pause(story.core), story.now)
+    story.run(0.24)
+    assert max(map(abs, moves(story)[-10:])) == 0.0 and story.error("pause") == "pending"
+    story.run(0.5)
+    assert story.error("pause") is None and story.joints == list(frames(story)[-1])
+
+
+def test_an_arm_that_keeps_a_distance_from_its_stream_is_paused_when_no_frame_can_be_left():
+    story = following(to(1.5, 1.0)).run(0.7)
+    story.core.run("pause", pause(story.core), story.now)
+    story.run(0.15)
+    story.is_held = True
+    story.joints = [joint + 0.003 for joint in story.joints]
+    story.run(0.4)
+    assert max(map(abs, moves(story)[-10:])) == 0.0 and story.error("pause") == "pending"
+    story.run(0.3)
+    assert story.error("pause") is None
 
 
 def test_a_paused_trajectory_that_is_stopped_does_not_resume():

@@ -8,7 +8,7 @@ import time
 import pytest
 from arm_bench import fill
 from guarded_driver import ROOT
-from waiting import WAIT, eventually
+from waiting import WAIT, StallWatch, eventually
 
 from jaka_ros_driver.client.driver_pipe import OUTLIVED
 from jaka_ros_driver.client.guard_post import GuardPost
@@ -75,17 +75,18 @@ def opened(one):
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, death):
     one, process = driver(motion)
-    died_at = time.monotonic()
-    process.send(death)
-    assert eventually(lambda: is_stopped(one))
-    if death == signal.SIGKILL:
-        assert eventually(lambda: not process.guards()), "the guard outlives the driver"
-    else:
-        assert process.hears("the arm is at rest")
-    said = process.kill()
-    assert "the controller accepted the stop" in said and "the arm is at rest" in said, said
-    stops = one.log().times_of("stop_program", after=died_at)
-    assert stops[0] - died_at < 3.0, "a loose bound: a busy computer may let the guard wait"
+    with StallWatch() as host:
+        died_at = time.monotonic()
+        process.send(death)
+        assert eventually(lambda: is_stopped(one))
+        if death == signal.SIGKILL:
+            assert eventually(lambda: not process.guards()), "the guard outlives the driver"
+        else:
+            assert process.hears("the arm is at rest")
+        said = process.kill()
+        assert "the controller accepted the stop" in said and "the arm is at rest" in said, said
+        stops = one.log().times_of("stop_program", after=died_at)
+        assert host.between(died_at, stops[0]) < 3.0, "a loose bound: a busy computer may let the guard wait"
     left = one.log().times_of("servo_move", after=died_at, relFlag=0)
     assert left and left[0] <= stops[0]
 
@@ -209,7 +210,7 @@ def test_an_arm_that_moves_on_after_an_accepted_stop_is_stopped_again(driver, an
     assert "the arm moves on" in said and "the arm is at rest" in said
     stops = one.times_of("stop_program")
     assert 5 <= len(stops) <= 10, "a computer that stands still may see the rest late"
-    assert min(gaps_between(stops)) > 0.3
+    assert sorted(gaps_between(stops))[2] > 0.3, "a computer that stands still may send two late, one behind the other"
 
 
 @pytest.mark.parametrize("kind", ["noise", "close", "reset", "drop"])
@@ -282,12 +283,13 @@ def test_a_guard_at_work_answers_a_driver_that_thaws_and_finishes(driver, answer
     guard = process.watched()
     process.send(signal.SIGSTOP)
     assert eventually(lambda: one.requests("stop_program"))
-    one.panel("refuse", port="command", duration_ms=8000)  # the driver finds no way to the arm, the guard has it
+    one.panel("refuse", port="command", duration_ms=60000)  # the driver finds no way to the arm, the guard has it
     process.send(signal.SIGCONT)
     time.sleep(1.5)  # the time in which a driver replaces a guard that does not answer
     assert one.is_moving() and process.guards() == [guard], "the driver replaced a guard at work"
     assert eventually(lambda: not one.is_moving())
     assert process.health()["replacements"] == 0
+    one.panel("refuse", port="command", duration_ms=0)
 
 
 def test_a_guard_that_was_frozen_together_with_its_driver_stops_the_arm_when_it_thaws(driver):

@@ -38,7 +38,7 @@ class MotionRules:
         self._start: Vector = ()
         self._accepted_at: Optional[float] = None
         self._has_begun = False
-        self._is_confirmed = False
+        self._streams = False
         self._code = 0
         self._due: Dict[str, Tuple[float, str]] = {}
         self._seen: Dict[str, int] = {}
@@ -56,7 +56,7 @@ class MotionRules:
         self._is_under_way = is_moving
         self._kind, self._accepted_at = "", None
         self._start = self._room.controller.state.plant.joint_position
-        self._has_begun = self._is_confirmed = self._is_paused = False
+        self._has_begun = self._streams = self._is_paused = False
         self._due, self._seen = {}, {}
         self._codes = {0, self._code}
 
@@ -75,6 +75,8 @@ class MotionRules:
             self._kind = name
         elif name == "pause_program":
             self._is_paused = True
+        elif name in STREAMED:
+            self._streams = True  # the driver takes servo mode for entered: from now on it must last
 
     def _has_yet_to_begin(self) -> bool:
         return (self._accepted_at is not None and self._kind in _MUST_BEGIN and not self._has_begun
@@ -92,16 +94,15 @@ class MotionRules:
         if not self._is_under_way or not isinstance(request, dict):
             return
         if reply.command in STREAMED:
-            if not reply.is_accepted and self._is_confirmed:
+            if not reply.is_accepted and self._streams:
                 self._contradicts("refused frame", now, "a servo frame was refused")
         elif is_motion(request) and reply.is_accepted:
             if not self._has_begun:
                 self._accepted_at = now
         elif reply.command == "is_in_servomove" and self._kind == "servo_move":
             is_in = b'"in_servomove": true' in reply.text or b'"in_servomove": 1' in reply.text
-            if self._is_confirmed and not is_in and reply.is_accepted:
+            if self._streams and not is_in and reply.is_accepted:
                 self._contradicts("not in servo mode", now, "the controller reports that servo mode is off")
-            self._is_confirmed = self._is_confirmed or is_in
 
     def reads_frame(self, frame: Frame, now: float) -> None:
         """Note a frame before the driver takes it: joints that jump in a feed that is believed stop a motion."""
@@ -128,7 +129,7 @@ class MotionRules:
             self._contradicts("fault", now, "fault 0x%X was shown" % state.error_code)
         is_program = self._kind in ("play_program", "resume_program")
         self._stands("hand guiding", bool(state.is_hand_guided) and not is_program, now, "hand guiding was shown")
-        self._stands("program", state.program_state is ProgramState.RUNNING and not is_program, now,
+        self._stands("program", state.program_state == ProgramState.RUNNING and not is_program, now,
                      "a program was shown that this driver does not play")
 
     def _stands(self, check: str, holds: bool, now: float, text: str) -> None:

@@ -85,7 +85,7 @@ def protected(arm):
 
 
 def command_port_down(arm):
-    arm.simulator.panel("refuse", port="command", duration_ms=6000)
+    arm.simulator.panel("refuse", port="command", duration_ms=60000)
     arm.simulator.panel("close", port="command")
     assert eventually(lambda: not arm.call("get_fk", joint=HOME).cartesian_pose)
 
@@ -113,6 +113,7 @@ def recover(arm):
     """Bring back an enabled arm at rest, as an operator would."""
     arm.simulator.panel("release_emergency_stop")
     arm.simulator.panel("clear_faults")
+    arm.simulator.panel("refuse", port="command", duration_ms=0)
     assert eventually(lambda: arm.call("get_fk", joint=HOME).cartesian_pose)
     assert eventually(lambda: "error" not in arm.call("get_io", **CALLS["get_io"]).message)
     arm.call("stop_move")
@@ -156,6 +157,7 @@ def test_every_service_answers_and_says_why(arm, matrix, name):
     condition = CONDITIONS[name]
     recover(arm)
     arm.go_home()
+    assert arm.call("set_payload", **CALLS["set_payload"]).ret == 1  # waits for rest, which a lost link would hide
     condition.establish(arm)
     for service in CALLS:
         before = arm.simulator.state()["joint_position"]

@@ -5,6 +5,7 @@ at the wrong place.
 """
 from typing import Any, Callable, NamedTuple, Optional
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
@@ -32,7 +33,7 @@ class PathProgress(NamedTuple):
         is_paused: It is held by a pause.
     """
 
-    call: Any
+    call: Token
     completed: int
     fraction: float
     is_paused: bool = False
@@ -50,7 +51,7 @@ class PathMove(ArmMotion):
     owner = MotionOwner.PATH
     is_answered_at_rest = True
 
-    def __init__(self, custody: Custody, path: SegmentPath, call: Any, on_begun: Callable[[], None],
+    def __init__(self, custody: Custody, path: SegmentPath, call: Token, on_begun: Callable[[], None],
                  state: RobotState, now: float) -> None:
         """Set up the motion.
 

@@ -5,6 +5,7 @@ section 6.2) decides that it is over, together with joints at rest; the state al
 """
 from typing import Any, Callable, Optional
 
+from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure
@@ -29,7 +30,7 @@ class ProgramMotion(ArmMotion):
 
     owner = MotionOwner.PROGRAM
 
-    def __init__(self, custody: Custody, command: Command, call: Any, end: Any) -> None:
+    def __init__(self, custody: Custody, command: Command, call: Token, end: Token) -> None:
         """Set up the motion.
 
         Args:

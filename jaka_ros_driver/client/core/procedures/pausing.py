@@ -44,13 +44,16 @@ def resume(core: ArmCore) -> Procedure:
     """Resume the motion that ``pause`` has paused.
 
     Raises:
-        InvalidCommand: Nothing is paused, or it has ended meanwhile.
+        InvalidCommand: Nothing is paused, it has ended meanwhile, or the resumption would run a program as well.
         JakaError: As ``Ask``.
     """
     motion = _pausable(core)
     is_held = motion.is_paused or (core.state is not None and bool(core.state.is_paused))
     if not is_held:
         raise InvalidCommand("refused: %s is not paused" % motion.owner.value)
+    if motion.is_beside_program and not isinstance(motion, Trajectory):
+        raise InvalidCommand("refused: a program was paused at the controller before %s began, and a resumption would "
+                             "run that; stop_move ends %s" % (motion.owner.value, motion.owner.value))
     if not isinstance(motion, Trajectory):
         yield Ask(ResumeMotion())
         _require_still_under_way(core, motion, "resumed")
