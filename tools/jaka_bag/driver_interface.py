@@ -5,6 +5,20 @@ import math
 STATE_TYPE = "jaka_msgs/RobotMsg"
 CALL_TYPE = "jaka_msgs/ServiceCall"
 DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
+PARAMETERS_NAME = "rosparam.yaml"
+"""Name of the attachment with the parameters that a recorder found; of several, the last counts."""
+
+_TRAJECTORY = "trajectory_msgs/JointTrajectory"
+_TRAJECTORY_GOAL = "control_msgs/FollowJointTrajectoryActionGoal"
+_GOALS = {"follow_joint_trajectory": _TRAJECTORY_GOAL, "joint_trajectory_action": _TRAJECTORY_GOAL,
+          "move_path": "jaka_msgs/MovePathActionGoal", "recover": "jaka_msgs/RecoverActionGoal"}
+INPUT_TOPICS = {
+    "jog_joints": "sensor_msgs/JointState", "jog_twist": "geometry_msgs/TwistStamped",
+    "servo_j_command": "sensor_msgs/JointState", "servo_p_command": "geometry_msgs/PoseStamped",
+    "command": _TRAJECTORY, "joint_path_command": _TRAJECTORY,
+    **{action + "/goal": kind for action, kind in _GOALS.items()},
+    **{action + "/cancel": "actionlib_msgs/GoalID" for action in _GOALS}}
+"""The ends of the names of the topics that a driver listens to, with their types (docs/ros-interface.md)."""
 
 
 class MotionState(enum.IntEnum):

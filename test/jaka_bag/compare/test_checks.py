@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from synthetic_session import Conditions, Step, moves, simulate, write_log
 
-from jaka_bag.compare.checks.state_checks import StateRun, without_brief
 from jaka_bag.compare.comparison import CannotCompare, compare_logs
+from jaka_bag.compare.report.text import as_text
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.compare.verdict import Aspect, Outcome
 
@@ -40,7 +40,7 @@ def test_a_new_state_is_found(tmp_path):
 
 
 def test_a_state_too_brief_to_be_seen_each_time_is_no_difference(tmp_path):
-    assert not differences(tmp_path, states(0.3, 0.4, 3, 1))
+    assert not differences(tmp_path, states(0.3, 0.4, 0, 3))
 
 
 def test_a_late_change_of_state_is_found(tmp_path):
@@ -49,9 +49,22 @@ def test_a_late_change_of_state_is_found(tmp_path):
     assert only(differences(tmp_path, states(2.0, 2.7, 2, 1), base=base), Aspect.STATES).field == "servo_state timing"
 
 
-def test_brief_runs_are_left_out_and_their_neighbours_joined():
-    runs = [StateRun(0, 0.0, 1.0), StateRun(1, 1.0, 1.05), StateRun(0, 1.05, 2.0), StateRun(2, 2.0, 3.0)]
-    assert without_brief(runs, 0.1) == [StateRun(0, 0.0, 2.0), StateRun(2, 2.0, 3.0)]
+@pytest.mark.parametrize("column, value", [(0, 4), (0, 2), (1, 0), (3, 1)])
+@pytest.mark.parametrize("end", [0.308, 0.4])
+def test_a_new_alarm_is_found_however_brief_it_is(column, value, end, tmp_path):
+    check = only(differences(tmp_path, states(0.3, end, column, value)), Aspect.STATES)
+    assert "is new" in check.detail and check.at == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.parametrize("value", [1, 2, 4, 77])
+@pytest.mark.parametrize("rest_s", [0.003, 0.01, 0.09])
+def test_another_state_is_found_between_brief_ones(value, rest_s, tmp_path):
+    def base(one):
+        one.states[:, 0] = np.where(one.time % 0.5 < rest_s, 0, 3)
+
+    def change(one):
+        one.states[one.states[:, 0] == 3, 0] = value
+    assert only(differences(tmp_path, change, base=base), Aspect.STATES).field == "motion_state"
 
 
 def drop_call(one):
@@ -71,11 +84,28 @@ def slow_reply(one):
 
 
 @pytest.mark.parametrize("change, stage, words", [
-    (drop_call, Aspect.CALLS, "is missing"), (other_request, Aspect.CALLS, "2 differences"),
+    (drop_call, Aspect.CALLS, "is missing"), (other_request, Aspect.CALLS, "asks for something else: pose ["),
     (other_value, Aspect.RESPONSES, "answered differently"), (slow_reply, Aspect.DURATIONS, "takes"),
 ])
 def test_calls(tmp_path, change, stage, words):
     assert words in only(differences(tmp_path, change), stage).detail
+
+
+@pytest.mark.parametrize("joints_from, is_the_call", [(0, False), (400, True)])
+def test_a_comparison_tells_the_changed_call_first_unless_something_differs_long_before(
+        tmp_path, joints_from, is_the_call):
+    def change(one):
+        other_request(one)
+        one.joints[joints_from:, 0] += 0.1
+
+    golden, candidate = session(), session(seed=4)
+    change(candidate)
+    paths = [write_log(tmp_path / name, one) for name, one in (("golden.mcap", golden), ("candidate.mcap", candidate))]
+    comparison = compare_logs(paths[0], paths[1], Tolerances())
+    assert (comparison.beginning.aspect is Aspect.CALLS) is is_the_call
+    told = as_text(comparison).splitlines()[-3]
+    assert told.startswith("it begins with: %s" % comparison.beginning.name)
+    assert told.endswith("%d further differences" % (len(comparison.differences) - 1))
 
 
 def test_requests_and_responses_may_be_left_out(tmp_path):

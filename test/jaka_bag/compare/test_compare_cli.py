@@ -18,7 +18,7 @@ def candidates(program, tmp_path_factory):
 
 def test_the_same_is_0_and_different_is_1(golden, candidates, capsys):
     assert main(["compare", str(golden), str(candidates[0])]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("same: ")
+    assert capsys.readouterr().out.splitlines()[-2].startswith("same: ")
     assert main(["compare", str(golden), str(candidates[1]), "-q"]) == 1
     assert capsys.readouterr().out.startswith("DIFFERENT: 1 of ")
 
@@ -48,6 +48,10 @@ def test_reports_are_written_and_never_overwritten_unasked(golden, candidates, t
     assert names["html"].read_bytes() == before
     assert main(["compare", str(golden), str(candidates[0]), *options, "--force"]) == 0
     assert json.loads(names["report"].read_text())["same"] is True
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    assert main(["compare", str(golden), str(tmp_path / "empty.mcap"), *options, "--force"]) == 2
+    assert "empty.mcap" in json.loads(names["report"].read_text())["error"], "it is that of the run before"
+    assert "not compared" in names["html"].read_text() and "<error" in names["junit"].read_text()
 
 
 def test_tolerances_are_printed_and_used(golden, candidates, tmp_path, capsys):

@@ -8,7 +8,10 @@ from jaka_bag.compare.verdict import Aspect
 
 FOLLOWS = {  # what else a defect shows in, rightly
     "two joints swapped": {Aspect.JOINTS, Aspect.TIMING},
-    "old samples stamped as new": {Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.TIMING, Aspect.PACE},
+    "old samples stamped as new": {Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.TIMING, Aspect.PACE,
+                                   Aspect.LATENESS},
+    "RPY for rotation vector": {Aspect.LATENESS},
+    "state topic in bursts of 0.1 s": {Aspect.LATENESS},
     "stale stamps": {Aspect.STAMPS, Aspect.STATES, Aspect.CALLS},
     "jog not stopped at 3 s": {Aspect.STATES, Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.TIMING,
                                Aspect.CALLS},

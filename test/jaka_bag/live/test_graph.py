@@ -15,7 +15,7 @@ from jaka_bag.live.subscriber import Subscriber
 @pytest.fixture
 def server():
     told = []
-    slave = SlaveServer("127.0.0.1", "127.0.0.1", lambda topic, uris: told.append((topic, uris)),
+    slave = SlaveServer("/recorder", "127.0.0.1", "127.0.0.1", lambda topic, uris: told.append((topic, uris)),
                         lambda reason: told.append(reason))
     slave.told = told
     yield slave
@@ -35,11 +35,20 @@ def test_the_master_reports_publishers_and_others_may_end_the_node(server, peer)
     assert server.told == [("/a", ["http://x/", "http://y/"]), "/caller: enough"]
 
 
+def test_a_shutdown_of_the_node_that_had_the_port_before_is_refused(server, peer):
+    with pytest.raises(ProtocolError, match="this is /recorder"):
+        peer.call("shutdown", "[/killed] Reason: new node registered with same name")
+    assert server.told == []
+    assert peer.call("shutdown", "[/recorder] Reason: new node registered with same name") == 0
+    assert len(server.told) == 1
+
+
 def test_the_node_answers_what_rosnode_asks(server, peer, monkeypatch):
     monkeypatch.setenv("ROS_MASTER_URI", "http://master:1/")
     server.subscriptions = lambda: [["/a", "*"]]
     server.publications = lambda: [["/b", "std_msgs/String"]]
     assert peer.call("getPid") == os.getpid()
+    assert peer.call("getName") == "/recorder"
     assert peer.call("getMasterUri") == "http://master:1/"
     assert peer.call("getSubscriptions") == [["/a", "*"]]
     assert peer.call("getPublications") == [["/b", "std_msgs/String"]]

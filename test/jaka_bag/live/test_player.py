@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_bag.live.keyboard import Keyboard
-from jaka_bag.live.lateness import Lateness
+from jaka_bag.live.latency_histogram import LatencyHistogram
 from jaka_bag.live.linux_timing import precise_wakeups
 from jaka_bag.live.log_source import Timed
 from jaka_bag.live.player import Pace, Player
@@ -124,12 +124,12 @@ def test_waiting_serves_subscribers_and_keys():
 
 
 def test_lateness_of_nothing_is_zero():
-    assert Lateness().quantile(0.99) == 0.0
+    assert LatencyHistogram().quantile(0.99) == 0.0
 
 
 @given(st.lists(st.floats(-1e-3, 100.0), min_size=1))
 def test_quantiles_are_right_within_a_tenth_and_never_above_the_largest(values):
-    account = Lateness()
+    account = LatencyHistogram()
     for value in values:
         account.add(value)
     exact = sorted(max(0.0, value) for value in values)
@@ -141,7 +141,7 @@ def test_quantiles_are_right_within_a_tenth_and_never_above_the_largest(values):
 
 
 def test_accounts_add_up():
-    one, two = Lateness(), Lateness()
+    one, two = LatencyHistogram(), LatencyHistogram()
     one.add(0.001)
     two.add(0.1)
     one.merge(two)

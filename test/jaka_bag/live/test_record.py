@@ -381,9 +381,25 @@ def test_parameters_are_attached_and_the_master_may_come_back(mortal_graph):
         assert recorder.stop() == 0
     assert len(content(graph.folder / "log.mcap")["/a"]) == 10
     with open(str(graph.folder / "log.mcap"), "rb") as file:
-        (attachment,) = make_reader(file).iter_attachments()
-    assert attachment.name == "rosparam.yaml"
-    assert json.loads(attachment.data)["robot"]["model"] == "zu7"
+        attachments = list(make_reader(file).iter_attachments())
+    assert {attachment.name for attachment in attachments} == {"rosparam.yaml"}
+    assert all(json.loads(attachment.data)["robot"]["model"] == "zu7" for attachment in attachments)
+
+
+def test_a_driver_that_starts_after_the_recorder_brings_its_parameters(graph):
+    graph.master().setParam("/robot/model", "zu7")
+    recorder = graph.record("/a", "-O", "log")
+    graph.subscribed("/a")
+    graph.master().setParam("/jaka_driver/model", "zu12")
+    with graph.publisher("/source") as publisher:
+        a = publisher.advertise("/a", twist_connection("/a"), False)
+        with_subscribers(publisher, a)
+        publish_numbers(publisher, a, range(1, 11))
+        assert recorder.stop() == 0
+    with open(str(graph.folder / "log.mcap"), "rb") as file:
+        first, last = [json.loads(attachment.data) for attachment in make_reader(file).iter_attachments()]
+    assert "jaka_driver" not in first and first["robot"] == {"model": "zu7"}
+    assert last["jaka_driver"] == {"model": "zu12"} and last["robot"] == {"model": "zu7"}
 
 
 def test_rosnode_sees_and_ends_the_recorder(graph):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaka_bag.live.stream_account import Stream, drops_as_metadata, drops_by_topic, starts_with_header
+from jaka_bag.live.stream_account import PublisherStream, drops_as_metadata, drops_by_topic, starts_with_header
 from jaka_bag.messages.connection import Connection
 
 WITH_HEADER = "std_msgs/Header header\nfloat64 x\n" + "=" * 80 + "\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\n" \
@@ -13,7 +13,7 @@ WITH_HEADER = "std_msgs/Header header\nfloat64 x\n" + "=" * 80 + "\nMSG: std_msg
 
 
 def stream(definition=WITH_HEADER, topic="/a", callerid="/n", md5sum="m"):
-    return Stream(Connection(topic, "pkg/Type", md5sum, definition, callerid), "http://n/")
+    return PublisherStream(Connection(topic, "pkg/Type", md5sum, definition, callerid), "http://n/")
 
 
 @pytest.mark.parametrize("definition, expected", [

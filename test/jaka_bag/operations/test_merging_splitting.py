@@ -11,7 +11,7 @@ from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, OutputExists
 from jaka_bag.messages.connection import Connection
 from jaka_bag.operations.merge import merge
-from jaka_bag.operations.split import Limits, split
+from jaka_bag.operations.split import SplitLimits, split
 
 SAMPLES = state_log(3.0)
 
@@ -66,19 +66,19 @@ def extras(path):
 
 def test_attachments_go_to_the_first_part_and_metadata_to_each(tmp_path, capsys):
     source = with_extras(tmp_path / "log.mcap", [bytes(8)] * 3)
-    parts = [path for path, _ in split(source, tmp_path / "part.mcap", Limits(messages=1)).parts]
+    parts = [path for path, _ in split(source, tmp_path / "part.mcap", SplitLimits(messages=1)).parts]
     facts, attached = [("facts", {"host": "cell"})], [("params", 5, b"a: 1")]
     assert [extras(part) for part in parts] == [(attached, facts), ([], facts), ([], facts)]
     merge(parts, tmp_path / "again.mcap")
     assert extras(tmp_path / "again.mcap") == (attached, facts)
-    assert "2 left out" in split(source, tmp_path / "part.bag", Limits(messages=1)).notes[0]
+    assert "2 left out" in split(source, tmp_path / "part.bag", SplitLimits(messages=1)).notes[0]
     assert main(["split", "--help"]) == 0
     assert "attachments of an MCAP go to the first part" in capsys.readouterr().out
 
 
 def test_a_log_without_messages_keeps_its_attachments_in_one_part(tmp_path):
     source = with_extras(tmp_path / "log.mcap", [])
-    (part, messages), = split(source, tmp_path / "part.mcap", Limits(messages=1)).parts
+    (part, messages), = split(source, tmp_path / "part.mcap", SplitLimits(messages=1)).parts
     assert messages == 0 and extras(part) == extras(source)
 
 
@@ -94,8 +94,8 @@ def test_merging_refuses_what_it_cannot_do(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".mcap"])
-@pytest.mark.parametrize("limits", [Limits(messages=100), Limits(duration=700_000_000), Limits(size=30000),
-                                    Limits(size=30000, messages=50)], ids=str)
+@pytest.mark.parametrize("limits", [SplitLimits(messages=100), SplitLimits(duration=700_000_000),
+                                    SplitLimits(size=30000), SplitLimits(size=30000, messages=50)], ids=str)
 def test_parts_together_are_the_log(tmp_path, suffix, limits):
     source = write(tmp_path / "log.bag", SAMPLES)
     result = split(source, tmp_path / ("part" + suffix), limits)
@@ -115,12 +115,12 @@ def test_parts_together_are_the_log(tmp_path, suffix, limits):
 def test_latched_messages_are_repeated_with_their_flag(tmp_path):
     late = model(START_NS + 15 * 10**8, "zu12")
     source = write(tmp_path / "log.bag", in_order(SAMPLES + [late]))
-    result = split(source, tmp_path / "part.bag", Limits(duration=10**9), repeat_latched=True)
+    result = split(source, tmp_path / "part.bag", SplitLimits(duration=10**9), repeat_latched=True)
     heads = [read(path)[0] for path, _ in result.parts]
     assert [(h.connection, h.data) for h in heads] == [(MODEL, SAMPLES[0].data), (MODEL, SAMPLES[0].data),
                                                       (MODEL, late.data)]
     assert heads[1].time == read(result.parts[1][0])[1].time
-    plain = split(source, tmp_path / "plain.bag", Limits(duration=10**9))
+    plain = split(source, tmp_path / "plain.bag", SplitLimits(duration=10**9))
     assert [read(path)[0].connection == MODEL for path, _ in plain.parts] == [True, False, False]
 
 
@@ -128,10 +128,10 @@ def test_a_failed_split_leaves_no_parts(tmp_path, monkeypatch):
     source = write(tmp_path / "log.bag", SAMPLES)
     (tmp_path / "part_2.bag").write_bytes(b"precious")
     with pytest.raises(OutputExists):
-        split(source, tmp_path / "part.bag", Limits(messages=50))
+        split(source, tmp_path / "part.bag", SplitLimits(messages=50))
     assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "part_2.bag"]
     with pytest.raises(BagError, match="where to split"):
-        split(source, tmp_path / "part.bag", Limits())
+        split(source, tmp_path / "part.bag", SplitLimits())
 
 
 def test_the_programs(tmp_path, capsys):
@@ -152,14 +152,14 @@ def test_the_programs(tmp_path, capsys):
 def test_what_the_parts_cannot_hold_is_said(tmp_path):
     with McapWriter(tmp_path / "log.mcap") as writer:
         writer.add_message(writer.add_channel(STATES), START_NS, bytes(8), START_NS - 1)
-    assert "publish times" in split(tmp_path / "log.mcap", tmp_path / "p.bag", Limits(messages=1)).notes[0]
+    assert "publish times" in split(tmp_path / "log.mcap", tmp_path / "p.bag", SplitLimits(messages=1)).notes[0]
     assert "publish times" in merge([tmp_path / "log.mcap"], tmp_path / "m.bag").notes[0]
 
 
 def test_an_empty_log_has_no_parts_and_merges_to_an_empty_one(tmp_path):
     with BagWriter(tmp_path / "none.bag") as writer:
         writer.add_channel(STATES)
-    assert split(tmp_path / "none.bag", tmp_path / "p.bag", Limits(messages=1)).parts == ()
+    assert split(tmp_path / "none.bag", tmp_path / "p.bag", SplitLimits(messages=1)).parts == ()
     merge([tmp_path / "none.bag"], tmp_path / "all.mcap")
     with open_log(tmp_path / "all.mcap") as reader:
         assert reader.connections == [STATES] and reader.message_count == 0

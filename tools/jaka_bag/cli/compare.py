@@ -4,17 +4,21 @@ The subcommand, which compares many as well, is in ``jaka_fleet``.
 """
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, List, Optional, Sequence, Tuple
 
+from ..compare.audit.auditing import audit, finding_line, summary
 from ..compare.comparison import CannotCompare, compare_logs
+from ..compare.learning import learn
+from ..compare.report.failure import failure_texts
 from ..compare.report.html import as_html
 from ..compare.report.junit import as_junit
-from ..compare.report.text import as_data, as_text, headline
+from ..compare.report.text import as_data, as_text, coverage_line, headline
 from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_tolerances
 from ..compare.verdict import Comparison
-from ..errors import UsageError
+from ..errors import BagError, UsageError
 from ..output_file import OutputFile, check_output
 from .main import printable
 from .quantities import positive_number
@@ -33,7 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--time-scale", type=positive_number, default=1.0, metavar="N", help="the candidate ran N times faster")
     add("-f", "--force", action="store_true", help="overwrite the outputs")
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
+    add("--strict", action="store_true", help="a topic or field that nothing compares is a difference, unless "
+                                              "ignore_fields of the tolerances names it")
     add("-q", "--quiet", action="store_true", help="only the verdict")
+    add("--audit", action="store_true", help="plant some sixty defects into GOLDEN, each alone, and print which of "
+                                             "them a comparison with these tolerances would miss")
+    add("--learn", metavar="FOLDER", help="print tolerances from logs of good runs: tight where the cell repeats "
+                                          "itself, else wide")
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
 
 
@@ -48,31 +58,82 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
     reports: List[Tuple[Optional[str], Callable[[], str]]] = [
         (html, lambda: as_html(comparison, tolerances)), (junit, lambda: as_junit(comparison)),
         (json_file, lambda: json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n")]
+    _write([(path, text()) for path, text in reports if path], overwrite)
+
+
+def _write(reports: Sequence[Tuple[str, str]], overwrite: bool) -> None:
     for path, text in reports:
-        if path:
-            with OutputFile(path, overwrite) as output:
-                output.write(text().encode("utf-8", "replace"))
+        with OutputFile(path, overwrite) as output:
+            output.write(text.encode("utf-8", "replace"))
+
+
+def _compared(args: argparse.Namespace, tolerances: Tolerances) -> Comparison:
+    """Compare the two logs; where that fails the reports give the reason, and are not those of an earlier run."""
+    try:
+        return compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
+    except BagError as error:
+        texts = failure_texts(args.golden, str(error))
+        _write([(path, text) for path, text in zip((args.html, args.junit, args.report), texts) if path], args.force)
+        raise
+
+
+def _audit(args: argparse.Namespace, tolerances: Tolerances) -> int:
+    """Print the table of an audit; return 0 where no defect is missed, else 1."""
+    if not args.golden or args.candidate:
+        raise UsageError("with --audit one log is needed, the golden one")
+    findings = audit(args.golden, tolerances, lambda finding: None if args.quiet else print(
+        printable(finding_line(finding)), flush=True))
+    print(printable(summary(findings)))
+    return 1 if any(finding.is_missed for finding in findings) else 0
+
+
+def _learn(args: argparse.Namespace, tolerances: Tolerances) -> int:
+    """Print what good runs teach, as a tolerance file; tell which of them the others do not cover."""
+    if not args.golden or args.candidate:
+        raise UsageError("with --learn one log is needed, the golden one")
+    if not os.path.isdir(args.learn):
+        raise UsageError("--learn: %s is no folder" % args.learn)
+    good = sorted(path for path in Path(args.learn).iterdir() if path.suffix in (".bag", ".mcap"))
+    learned = learn(args.golden, good, tolerances)
+    sys.stdout.write(printable("# Learned from %d runs in %s, of %s." % (len(good), args.learn, args.golden)) + "\n")
+    sys.stdout.write(as_yaml(learned.tolerances))
+    if not args.quiet:
+        for name, limit, before in learned.wider:
+            print(printable("wider than before: %s: up to %.4g in place of %.4g" % (name, limit, before)),
+                  file=sys.stderr)
+        for path, name in learned.left_out:
+            print(printable("%s would be different by what the others teach: %s" % (path, name)), file=sys.stderr)
+        print("%d of %d runs would be the same by what the others teach"
+              % (len(good) - len(learned.left_out), len(good)), file=sys.stderr)
+    return 0
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare two logs; 0 same, 1 different, 2 cannot be compared."""
+    """Compare two logs, or audit or learn; 0 same or nothing missed, 1 different or missed, 2 cannot be compared."""
     try:
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
             return 0
+        if args.learn:
+            return _learn(args, tolerances)
+        if args.audit:
+            return _audit(args, tolerances)
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
         for name in [name for name in (args.html, args.junit, args.report) if name]:
             if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
                 raise UsageError("%s is one of the logs" % name)
             check_output(name, args.force)
-        comparison = compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
+        comparison = _compared(args, tolerances)
     except (CannotCompare, ToleranceError) as error:
         raise UsageError(str(error)) from error
     write_reports(comparison, tolerances, args.html, args.junit, args.report, args.force)
     if args.json:
         print(json.dumps(as_data(comparison), indent=1, allow_nan=False))
-        return 0 if comparison.same else 1
-    print(printable(headline(comparison) if args.quiet else as_text(comparison, args.verbose)))
-    return 0 if comparison.same else 1
+    else:
+        print(printable(headline(comparison) if args.quiet else as_text(comparison, args.verbose)))
+    has_gap = args.strict and not comparison.coverage.is_whole
+    if has_gap:
+        print(printable("--strict: " + coverage_line(comparison)), file=sys.stderr)
+    return 0 if comparison.same and not has_gap else 1

@@ -22,7 +22,7 @@ _NEGATIVE_TIME = re.compile(r"^-[0-9.]")
 """Words that are values, as ``-2m`` before the end of a log, and no options."""
 
 
-class Command(NamedTuple):
+class Subcommand(NamedTuple):
     """One subcommand.
 
     Attributes:
@@ -44,41 +44,42 @@ class MissingCommand(Exception):
     """The package that brings a subcommand is not installed; the text explains how to get it."""
 
 
-COMMANDS: Dict[str, Command] = {
-    "record": Command("jaka_blackbox.cli.record", "record topics (as rosbag record)"),
-    "play": Command("jaka_bag.cli.play", "publish the messages of logs (as rosbag play)"),
-    "info": Command("jaka_bag.cli.info", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
-    "serve": Command("jaka_foxglove.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
-    "convert": Command("jaka_bag.cli.convert", "between .bag, .mcap and rosbag2 folders, one or many; compress"),
-    "filter": Command("jaka_bag.cli.filter", "a part of a log: topics, types, times (as rosbag filter)"),
-    "merge": Command("jaka_bag.cli.merge", "several logs into one, in the order of time"),
-    "split": Command("jaka_bag.cli.split", "one log into several, by size, duration or count"),
-    "recover": Command("jaka_bag.cli.recover", "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
-    "cat": Command("jaka_bag.cli.cat", "messages as lines of JSON (as mcap cat)"),
-    "du": Command("jaka_bag.cli.du", "bytes of each topic (as mcap du)"),
-    "doctor": Command("jaka_bag.cli.doctor", "is a log whole, and if not, why not (as mcap doctor)"),
-    "attach": Command("jaka_bag.cli.attach", "add files and facts to an .mcap (as mcap add)"),
-    "extract": Command("jaka_bag.cli.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
-    "plot": Command("jaka_bag.cli.plot", "joints, TCP path and states over time as SVG or PNG"),
-    "export": Command("jaka_bag.cli.export", "fields of messages as CSV, NPZ or Parquet"),
-    "compare": Command("jaka_fleet.cli.compare",
+COMMANDS: Dict[str, Subcommand] = {
+    "record": Subcommand("jaka_blackbox.cli.record", "record topics (as rosbag record)"),
+    "play": Subcommand("jaka_bag.cli.play", "publish the messages of logs (as rosbag play)"),
+    "info": Subcommand("jaka_bag.cli.info", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
+    "serve": Subcommand("jaka_foxglove.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
+    "convert": Subcommand("jaka_bag.cli.convert", "between .bag, .mcap and rosbag2 folders, one or many; compress"),
+    "filter": Subcommand("jaka_bag.cli.filter", "a part of a log: topics, types, times (as rosbag filter)"),
+    "merge": Subcommand("jaka_bag.cli.merge", "several logs into one, in the order of time"),
+    "split": Subcommand("jaka_bag.cli.split", "one log into several, by size, duration or count"),
+    "recover": Subcommand("jaka_bag.cli.recover",
+                          "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
+    "cat": Subcommand("jaka_bag.cli.cat", "messages as lines of JSON (as mcap cat)"),
+    "du": Subcommand("jaka_bag.cli.du", "bytes of each topic (as mcap du)"),
+    "doctor": Subcommand("jaka_bag.cli.doctor", "is a log whole, and if not, why not (as mcap doctor)"),
+    "attach": Subcommand("jaka_bag.cli.attach", "add files and facts to an .mcap (as mcap add)"),
+    "extract": Subcommand("jaka_bag.cli.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
+    "plot": Subcommand("jaka_bag.cli.plot", "joints, TCP path and states over time as SVG or PNG"),
+    "export": Subcommand("jaka_bag.cli.export", "fields of messages as CSV, NPZ or Parquet"),
+    "compare": Subcommand("jaka_fleet.cli.compare",
                        "does a log show what a golden one shows? with tolerances, HTML, JUnit", failed=2),
-    "report": Command("jaka_blackbox.cli.report", "what happened around an accident, second by second, as a page"),
-    "verify": Command("jaka_bag.cli.verify", "was a signed log changed, or a driver's audit log?"),
-    "dataset add": Command("jaka_fleet.cli.add", "many logs into a data set of Parquet tables, here or on Dask"),
-    "dataset query": Command("jaka_fleet.cli.query", "ask a data set in SQL (DuckDB)"),
-    "dataset compact": Command("jaka_fleet.cli.compact", "put a data set's table of logs into one file"),
-    "replay": Command("jaka_fleet.cli.replay",
+    "report": Subcommand("jaka_blackbox.cli.report", "what happened around an accident, second by second, as a page"),
+    "verify": Subcommand("jaka_bag.cli.verify", "was a signed log changed, or a driver's audit log?"),
+    "dataset add": Subcommand("jaka_fleet.cli.add", "many logs into a data set of Parquet tables, here or on Dask"),
+    "dataset query": Subcommand("jaka_fleet.cli.query", "ask a data set in SQL (DuckDB)"),
+    "dataset compact": Subcommand("jaka_fleet.cli.compact", "put a data set's table of logs into one file"),
+    "replay": Subcommand("jaka_fleet.cli.replay",
                       "make golden logs happen again, side by side, against a driver, and compare",
                       needs="jaka_regression"),
-    "replay-commands": Command("jaka_regression.replay_commands",
+    "replay-commands": Subcommand("jaka_regression.replay_commands",
                                "make the service calls of a log again, against a live driver", needs="jaka_regression"),
-    "replay-wire": Command("jaka_regression.replay_wire",
+    "replay-wire": Subcommand("jaka_regression.replay_wire",
                            "play a recorded controller's bytes to the driver, and compare", needs="jaka_regression"),
-    "replay-motion": Command("jaka_regression.replay_motion",
+    "replay-motion": Subcommand("jaka_regression.replay_motion",
                              "do again what the arm did in a log, hand guiding included, as a trajectory",
                              needs="jaka_regression"),
-    "completion": Command("jaka_bag.cli.completion", "completion for bash or zsh"),
+    "completion": Subcommand("jaka_bag.cli.completion", "completion for bash or zsh"),
 }
 
 ELSEWHERE = {
@@ -101,7 +102,7 @@ ELSEWHERE = {
 """Commands of other tools, and what does the same here."""
 
 LIVE_PROGRAM = "jaka_foxglove"
-LIVE = Command("jaka_foxglove.cli.live", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
+LIVE = Subcommand("jaka_foxglove.cli.live", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
 
 BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a catkin workspace (or with its "
                                  "tools/dev setup), source the setup.bash there, and call jaka_bag in that shell"}

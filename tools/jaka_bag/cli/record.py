@@ -14,14 +14,15 @@ import time
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional, Protocol
 
+from ..driver_interface import PARAMETERS_NAME
 from ..errors import JakaBagError, UsageError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, node_names, split_remappings
 from ..live.rolling_files import Attachment, FileSettings, RollingFiles
-from ..live.session import Session, parameter_dump, read_parameter, wait_for_master
+from ..live.session import RecordingSession, as_yaml, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
 from ..live.subscriber import Subscriber, accept_all
-from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_topics
+from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_selection
 from ..live.writer_thread import MessageFiles, WriterThread
 from ..messages.selection import compile_patterns
 from ..operations.signature import load_private_key, sign
@@ -86,7 +87,7 @@ def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
     if args.state_log:
         if args.topics or args.all or args.regex or args.node:
             raise UsageError("--state-log chooses the topics itself")
-        return TopicSelection(state_log_topics(names), exclude=exclude)
+        return state_log_selection(names, exclude)
     node = names.resolve(args.node) if args.node else None
     if args.regex and not args.topics:
         raise UsageError("-e needs regular expressions")
@@ -147,6 +148,12 @@ class Companion(Protocol):
         """End what has begun."""
 
 
+def _merged(before: Dict[str, Any], now: Dict[str, Any]) -> Dict[str, Any]:
+    """Return a tree of parameters with a later one over it."""
+    return {**before, **{name: _merged(before[name], value) if isinstance(value, dict) and isinstance(
+        before.get(name), dict) else value for name, value in now.items()}}
+
+
 class LogRecording:
     """One recording that a command line asks for: who the node is, what it records, and how it ends.
 
@@ -174,7 +181,7 @@ class LogRecording:
     """
 
     writer: WriterThread
-    _session: Session
+    _session: RecordingSession
 
     def __init__(self, args: argparse.Namespace, node: str, console: Notices) -> None:
         _take_zstd_level(args)
@@ -188,6 +195,7 @@ class LogRecording:
                       "master": master_uri(), "arguments": json.dumps(sys.argv[1:]),
                       "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
         self.attachments: List[Attachment] = []
+        self._parameters: Dict[str, Any] = {}
         self.console = console
         self.failure: Optional[Exception] = None
         self._on_usr1: Optional[Callable[[], None]] = None
@@ -205,9 +213,10 @@ class LogRecording:
         args = self.args
         self.writer = WriterThread(open_files, args.buffsize if buffer_bytes is None else buffer_bytes,
                                    self.console.always, self._end, False, args.limit, item_bytes)
-        self._session = Session(self.writer, selection or self.selection,
-                                is_of_namespace(self.names.namespace) if args.state_log else accept_all,
-                                self.console.always, None if args.split else args.duration)
+        self._session = RecordingSession(
+            self.writer, selection or self.selection,
+            is_of_namespace(self.names.namespace) if args.state_log else accept_all, self.console.always,
+            None if args.split else args.duration, self._dump_parameters)
 
     def open_log(self, settings: Optional[FileSettings] = None) -> RollingFiles:
         """Begin the files of the recording, or those of other settings."""
@@ -233,7 +242,7 @@ class LogRecording:
                 return False
             self.writer.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
             self.facts["log_time"] = "/clock" if self.writer.is_simulated_time else self.args.stamp
-            self.attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
+            self._dump_parameters(master)
             master.close()
             try:
                 self._session.run(functools.partial(self._connect, where, companion), self.writer.is_simulated_time)
@@ -243,6 +252,16 @@ class LogRecording:
                 if companion is not None:
                     companion.close()
         return True
+
+    def _dump_parameters(self, master: RemoteNode) -> None:
+        """Add the parameters that there are now: those of a driver that starts after the recorder come with it.
+
+        A file that has begun gets them once more where they have changed, when it is closed. What a master forgets when
+        it is started again stays.
+        """
+        self._parameters = _merged(self._parameters, read_parameter(master, "/") or {})
+        found = Attachment(PARAMETERS_NAME, as_yaml(self._parameters), "application/yaml")
+        self.attachments[:] = [item for item in self.attachments if item.name != found.name] + [found]
 
     def _connect(self, where: str, companion: Optional[Companion]) -> Subscriber:
         subscriber = Subscriber(self.names, self.writer.take, self._session.open_stream, self.console.always,

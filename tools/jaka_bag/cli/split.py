@@ -2,7 +2,7 @@
 import argparse
 
 from ..errors import UsageError
-from ..operations.split import Limits, split
+from ..operations.split import SplitLimits, split
 from .options import Report, add_compression, add_report, add_source, output_of
 from .quantities import count, megabytes, positive_ns
 
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     if not (args.size or args.duration or args.count):
         raise UsageError("give --size, --duration or --count, above 0")
     report = Report(args)
-    limits = Limits(args.size or None, args.duration, args.count or None)
+    limits = SplitLimits(args.size or None, args.duration, args.count or None)
     with report.progress(args.source) as progress:
         result = split(args.source, output_of(args) or args.source, limits, args.compression, args.level, args.force,
                        args.repeat_latched, progress)

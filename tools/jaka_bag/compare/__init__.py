@@ -7,6 +7,9 @@ runs         a log as streams, joints, poses, states and calls, all on one clock
 matching     the candidate's time for a golden time; equal entries of two sequences; distances of curves
 verdict      the outcome of one check, and of all
 checks       the checks, one module a subject
+coverage     the share of both logs that the checks read
 comparison   all checks in their order
+learning     tolerances from runs that are known to be good
+audit        defects planted into a golden log, and which of them a comparison misses
 report       the result for people and machines
 """

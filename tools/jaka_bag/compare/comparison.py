@@ -7,10 +7,12 @@ from ..errors import BagError
 from ..paths import PathLike
 from ..pipeline import in_order
 from .checks.call_checks import call_checks
+from .checks.content_checks import content_checks, messages_more_or_less
 from .checks.motion_checks import RESOLUTION, Frame, motion_watches
 from .checks.state_checks import state_checks
 from .checks.stream_checks import common_time, stream_checks, stream_watches, type_checks
 from .checks.timing_checks import coverage_check, timing_checks
+from .coverage import coverage_of
 from .matching.alignment import Aligner, arms_of
 from .matching.course import Course
 from .matching.cut_motions import Cut, cut_motions, fit_ends
@@ -33,7 +35,8 @@ def scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
         return dataclasses.replace(section, **{name: time_scale * getattr(section, name) for name in names})
 
     return dataclasses.replace(
-        tolerances, timing=grown(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "pace_floor_ms"),
+        tolerances, timing=grown(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "stale_ms", "wait_s",
+                                         "pace_floor_ms"),
         states=grown(tolerances.states, "brief_s", "timing_s"),
         calls=grown(tolerances.calls, "duration_s", "timing_s"))
 
@@ -68,7 +71,12 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     call_topics = {call.topic for call in golden.calls + candidate.calls}
     topics = [topic for topic in sorted(comparable) if topic not in call_topics]
     streams = stream_watches(ours, theirs, alignment, limits, topics)
-    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts, resolution))
+    slack = {topic: messages_more_or_less(ours.streams[topic], golden.duration, limits.streams.gap_s)
+             for topic in topics}
+    on_change = {topic: count for topic, count in slack.items() if count is not None}
+    own = frozenset((*ours.joints, *ours.poses, *ours.states))
+    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts, resolution, on_change,
+                                                         time_scale))
     for is_candidate, (begin, end) in _in_step(golden.windows, candidate.windows, alignment.lag):
         for stream in streams[is_candidate].values():
             stream.take(begin, end)
@@ -77,16 +85,18 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
             for watch in watches:
                 watch.take(begin, end)
     residuals: Dict[ResidualKey, Residual] = {}
-    checks += stream_checks(*streams, alignment, limits, time_scale)
+    checks += stream_checks(*streams, alignment, limits, time_scale, on_change, own)
     checks.append(coverage_check(ours, theirs, bool(arms), alignment, limits))
     checks += timing_checks(alignment, cuts, limits)
     checks += motion
     for watch in watches:
         checks += watch.checks(residuals)
     checks += state_checks(ours, theirs, alignment, limits, course)
+    checks += content_checks(ours, theirs, alignment, limits, on_change, own, course)
     checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment),
                           course.outer_call)
-    return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course)
+    return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course,
+                      coverage_of(golden, candidate, limits, comparable, on_change, time_scale))
 
 
 def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:
@@ -103,7 +113,7 @@ def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: flo
 def _only(run: Run, topics: List[str]) -> Run:
     """Return the part of a run in these topics."""
     parts: Dict[str, Any] = {name: {topic: value for topic, value in getattr(run, name).items() if topic in topics}
-                             for name in ("streams", "joints", "poses", "states", "fields")}
+                             for name in ("streams", "joints", "poses", "states", "fields", "contents")}
     return dataclasses.replace(run, **parts, calls=tuple(call for call in run.calls if call.topic in topics))
 
 

@@ -1,10 +1,11 @@
 """The tolerances of a candidate: the defaults, and YAML files that change them."""
 import dataclasses
 import difflib
+import json
 import math
 import re
 from dataclasses import dataclass, field
-from typing import Any, Dict, Hashable, Mapping, Optional, Sequence, Tuple, Type, TypeVar
+from typing import Any, Callable, Dict, Hashable, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
 import yaml
 
@@ -12,6 +13,14 @@ from ..errors import BagError
 from ..paths import PathLike
 
 Section = TypeVar("Section")
+Rule = TypeVar("Rule")
+
+
+Envelope = Tuple[Tuple[float, float], ...]
+"""Pieces of a limit: a golden time, s, ascending, and the amount from there on, in the unit that the check shows.
+
+The first amount holds before the first time, too.
+"""
 
 
 class ToleranceError(BagError):
@@ -32,12 +41,12 @@ def _choice(default: str, allowed: Tuple[str, ...], doc: str) -> str:
 class StreamTolerance:
     """The limits for any topic, whatever it carries."""
 
-    rate_percent: float = _number(25.0, "mean rate: off by this much, either way, of the golden rate")
-    jitter_ms: float = _number(75.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
-    gap_s: float = _number(0.5, "a silence longer than this is a gap: both logs must have the same ones")
-    gap_length_s: float = _number(1.0, "length of a gap: off by this much")
+    rate_percent: float = _number(7.0, "mean rate: off by this much, either way, of the golden rate")
+    jitter_ms: float = _number(40.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
+    gap_s: float = _number(0.25, "a silence longer than this is a gap: both logs must have the same ones")
+    gap_length_s: float = _number(0.5, "length of a gap: off by this much")
     lost_percent: float = _number(2.0, "messages that header.seq shows to be missing: more than the golden by this")
-    latency_ms: float = _number(75.0, "median of log time - header.stamp: off from the golden one by this")
+    latency_ms: float = _number(25.0, "median of log time - header.stamp: off from the golden one by this")
     repeated_percent: float = _number(40.0, "messages that repeat the stamp before: more than the golden share by this")
     count_percent: float = _number(0.0, "count of a topic that is not periodic: off by this much")
 
@@ -46,11 +55,13 @@ class StreamTolerance:
 class TimingTolerance:
     """The limits for times of events, after the lag that both logs have in common is taken out."""
 
-    event_s: float = _number(0.4, "start of a motion, a change of state, a call: off by this much")
+    event_s: float = _number(0.25, "start of a motion, a change of state, a call: off by this much")
     jitter_ms: float = _number(100.0, "stamp of one sample: off by this much")
     cut_ms: float = _number(200.0, "a motion cut off (stop, end of a jog, emergency stop) ends so much sooner or later")
     pace_percent: float = _number(1.0, "duration of a motion, and of all together: off by this much")
-    pace_floor_ms: float = _number(60.0, "duration of one motion: this much is always allowed")
+    stale_ms: float = _number(20.0, "values while the arm moves: so much older or newer than their stamps, on average")
+    wait_s: float = _number(0.2, "time from one call or motion to the next: off by this much")
+    pace_floor_ms: float = _number(25.0, "duration of one motion: this much is always allowed")
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,18 @@ class StateTolerance:
     """Sequences of states."""
 
     brief_s: float = _number(0.12, "a state that lasts no longer may be missing in either log")
-    timing_s: float = _number(0.5, "when a state changes: off by this much")
+    timing_s: float = _number(0.25, "when a state changes: off by this much")
+
+
+@dataclass(frozen=True)
+class ContentTolerance:
+    """Numbers that nothing above is about, in any topic: the largest of these limits counts."""
+
+    range_percent: float = _number(10.0, "a number: off by this share of the range that it has in the golden log")
+    value_percent: float = _number(1.0, "a number: off by this share of its largest golden amount")
+    noise: float = _number(6.0, "a number: off by so many golden steps from sample to sample, up to half the range")
+    absolute: float = _number(1e-6, "a number: this much is always allowed")
+    brief_ms: float = _number(30.0, "topics on change: a value that lasts no longer may be missing in either log")
 
 
 @dataclass(frozen=True)
@@ -87,14 +109,14 @@ class CallTolerance:
     request: str = _choice("exact", ("exact", "ignore"), "exact: the same bytes; ignore: not compared")
     response: str = _choice("values", ("exact", "values", "ignore"), "values: all fields but message; exact: the bytes")
     value_absolute: float = _number(1e-4, "numbers in a response, with 'values': off by this much")
-    duration_s: float = _number(0.5, "duration of a call: off by this much,")
+    duration_s: float = _number(0.25, "duration of a call: off by this much,")
     duration_percent: float = _number(2.0, "and this share of the golden duration")
-    timing_s: float = _number(0.5, "when a call arrives: off by this much")
+    timing_s: float = _number(0.25, "when a call arrives: off by this much")
 
 
 @dataclass(frozen=True)
 class FieldTolerance:
-    """One numeric field of a topic that is no part of the driver's interface.
+    """One numeric field of any topic, instead of what ``ContentTolerance`` allows.
 
     Attributes:
         absolute: Allowed deviation in the field's own unit.
@@ -114,8 +136,11 @@ class Tolerances:
     Attributes:
         ignore_topics: Regular expressions; a topic that one matches in full is left out.
         optional_topics: Regular expressions likewise; such a topic may be missing in either log.
+        ignore_fields: Regular expressions for topic, blank and field; such a field is not compared.
         nan: ``same``: NaN only where the golden log has it; ``fail``: never; ``ignore``: not compared.
         fields: Tolerances by topic and field path, such as ``twist.linear.x``.
+        envelopes: Limits along the golden log by topic and joint, ``position``, ``orientation`` or field path, instead
+            of the one limit that they have else.
     """
 
     streams: StreamTolerance = StreamTolerance()
@@ -123,15 +148,24 @@ class Tolerances:
     joints: JointTolerance = field(default_factory=JointTolerance)
     tcp: TcpTolerance = TcpTolerance()
     states: StateTolerance = StateTolerance()
+    contents: ContentTolerance = ContentTolerance()
     calls: CallTolerance = CallTolerance()
     nan: str = _choice("same", ("same", "fail", "ignore"), "NaN: same as in the golden log, never, or not compared")
     ignore_topics: Tuple[str, ...] = ("/rosout", "/rosout_agg", "/clock", "(.*/)?diagnostics(_agg)?")
     optional_topics: Tuple[str, ...] = ()
+    # the error of a trajectory is desired less actual, which are compared: its amount is that of their delay
+    ignore_fields: Tuple[str, ...] = ("(.*/)?service_calls caller",
+                                      r"(.*/)?(state|feedback_states|feedback) (feedback\.)?error\..*")
     fields: Dict[str, Dict[str, FieldTolerance]] = field(default_factory=dict)
+    envelopes: Dict[str, Dict[str, Envelope]] = field(default_factory=dict)
 
     def ignores(self, topic: str) -> bool:
         """Return whether the topic is left out."""
         return any(re.fullmatch(p, topic) for p in self.ignore_topics)
+
+    def ignores_field(self, topic: str, name: str) -> bool:
+        """Return whether a field of a topic is left out."""
+        return any(re.fullmatch(p, "%s %s" % (topic, name)) for p in self.ignore_fields)
 
     def is_optional(self, topic: str) -> bool:
         """Return whether the topic may be missing in either log."""
@@ -140,7 +174,7 @@ class Tolerances:
 
 _SECTIONS: Dict[str, Type[Any]] = {
     "streams": StreamTolerance, "timing": TimingTolerance, "joints": JointTolerance, "tcp": TcpTolerance,
-    "states": StateTolerance, "calls": CallTolerance}
+    "states": StateTolerance, "contents": ContentTolerance, "calls": CallTolerance}
 
 
 class _UniqueKeys(yaml.SafeLoader):
@@ -215,6 +249,24 @@ def _patterns(where: str, value: Any) -> Tuple[str, ...]:
     return tuple(value)
 
 
+def _envelope(where: str, value: Any) -> Envelope:
+    if not isinstance(value, list) or not value or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
+        raise ToleranceError("%s: expected pairs of a time and a limit, as [[0, 0.001], [2.5, 0.002]], not %r"
+                             % (where, value))
+    steps = tuple((_amount(where + " time", time), _amount(where + " limit", limit)) for time, limit in value)
+    for before, after in zip(steps, steps[1:]):
+        if after[0] <= before[0]:
+            raise ToleranceError("%s: time %g comes after %g; times ascend" % (where, after[0], before[0]))
+    return steps
+
+
+def _by_topic(where: str, value: Any, parse: Callable[[str, Any], Rule]) -> Dict[str, Dict[str, Rule]]:
+    """Return what stands below each topic and field path, parsed."""
+    return {topic: {path: parse("%s.%s.%s" % (where, topic, path), rule)
+                    for path, rule in _mapping("%s.%s" % (where, topic), rules).items()}
+            for topic, rules in _mapping(where, value).items()}
+
+
 def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
     """Parse tolerances from YAML text; a missing one keeps its default.
 
@@ -235,10 +287,10 @@ def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
         elif key == "nan":
             values[key] = _word(where, value, ("same", "fail", "ignore"))
         elif key == "fields":
-            values[key] = {topic: {path: _section("%s.%s.%s" % (where, topic, path), FieldTolerance,
-                                                  _mapping("%s.%s.%s" % (where, topic, path), rule))
-                                   for path, rule in _mapping("%s.%s" % (where, topic), rules).items()}
-                           for topic, rules in _mapping(where, value).items()}
+            values[key] = _by_topic(where, value, lambda inner, rule: _section(
+                inner, FieldTolerance, _mapping(inner, rule)))
+        elif key == "envelopes":
+            values[key] = _by_topic(where, value, _envelope)
         else:
             values[key] = _patterns(where, value)
     return Tolerances(**values)
@@ -261,6 +313,11 @@ def load_tolerances(path: Optional[PathLike]) -> Tolerances:
     return parse_tolerances(text, str(path))
 
 
+def _number_text(value: float) -> str:
+    text = "%g" % value
+    return text if "e" not in text or "." in text else text.replace("e", ".0e")  # YAML takes 1e-06 for a text
+
+
 def as_yaml(tolerances: Tolerances) -> str:
     """Return the tolerances as a YAML file with a comment at each key; ``parse_tolerances`` reads it."""
     lines = ["# Tolerances of jaka_bag compare; what is left out keeps its default."]
@@ -270,15 +327,25 @@ def as_yaml(tolerances: Tolerances) -> str:
         for item in dataclasses.fields(kind):
             value = getattr(section, item.name)
             shown = "{%s}" % ", ".join("%s: %s" % pair for pair in value.items()) if item.name == "per_joint" \
-                else value if isinstance(value, str) else "%g" % value
+                else value if isinstance(value, str) else _number_text(value)
             lines.append("  %s: %s  # %s" % (item.name, shown, item.metadata["doc"]))
     lines += ["", "nan: %s  # same, fail or ignore" % tolerances.nan,
               "ignore_topics:  # regular expressions for whole names"]
     lines += ["  - '%s'" % pattern for pattern in tolerances.ignore_topics] or ["  []"]
     lines += ["optional_topics: [%s]" % ", ".join("'%s'" % p for p in tolerances.optional_topics),
-              "# Further numeric fields, by topic and field path:",
+              "ignore_fields: [%s]  # regular expressions for topic, blank and field" % ", ".join(
+                  "'%s'" % p for p in tolerances.ignore_fields),
+              "# Numeric fields with limits of their own, by topic and field path:",
               "# fields:", "#   /left/force:", "#     wrench.force.z: {absolute: 0.5, relative: 0.01, wraps: false}"]
     if tolerances.fields:
         fields = {"fields": dataclasses.asdict(tolerances)["fields"]}
         lines.append(yaml.safe_dump(fields, default_flow_style=None, sort_keys=False).rstrip())
+    if tolerances.envelopes:
+        lines += ["# Limits along the golden log, by topic and joint, position (mm), orientation (rad) or field path:",
+                  "# [from this golden time, s, limit]; a check that has one has no other limit.", "envelopes:"]
+    for topic, envelopes in tolerances.envelopes.items():
+        lines.append("  %s:" % topic)
+        lines += ["    %s: [%s]" % (json.dumps(name), ", ".join("[%s, %s]" % tuple(map(_number_text, step))
+                                                                for step in envelope))
+                  for name, envelope in envelopes.items()]
     return "\n".join(lines) + "\n"

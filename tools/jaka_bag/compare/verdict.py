@@ -3,10 +3,16 @@ import enum
 from dataclasses import dataclass
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
+import numpy as np
+
 from ..messages.batch import Array
 from .matching.alignment import Alignment
 from .matching.course import Course
 from .runs.run import Run
+from .tolerances import Envelope
+
+_FOLLOWS_S = 1.0
+"""Time, s, by which what follows from a call may seem to come before it, as two logs are laid together."""
 
 
 class Outcome(enum.Enum):
@@ -30,14 +36,19 @@ class Aspect(enum.Enum):
     ALIGNMENT = "alignment"
     TIMING = "timing"
     PACE = "pace"
+    LATENESS = "lateness"
     JOINTS = "joints"
     POSITION = "position"
     ORIENTATION = "orientation"
     FIELDS = "fields"
+    CONTENTS = "contents"
     STATES = "states"
     CALLS = "calls"
     RESPONSES = "responses"
     DURATIONS = "durations"
+
+
+_SHOWN_BY_THE_ARM = (Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.STATES)
 
 
 @dataclass(frozen=True)
@@ -126,13 +137,61 @@ def not_compared(aspect: Aspect, topic: str, field: str, why: str) -> Check:
     return Check(aspect, topic, field, Outcome.NOT_COMPARED, why)
 
 
+class Gap(NamedTuple):
+    """A topic, or one field of it, that nothing compares.
+
+    Attributes:
+        topic: The topic.
+        field: The field; empty where it is the whole topic.
+        reason: Why not.
+        is_accepted: The tolerances leave exactly this out.
+    """
+
+    topic: str
+    field: str
+    reason: str
+    is_accepted: bool = False
+
+    @property
+    def words(self) -> str:
+        """Topic, field and reason in a few words."""
+        return "%s (%s)" % (" ".join(filter(None, (self.topic, self.field))), self.reason)
+
+
+class Coverage(NamedTuple):
+    """The share of two logs that was compared.
+
+    Attributes:
+        topics: Topics of both logs.
+        fields: Fields of the topics whose fields are known.
+        gaps: Topics and fields that were not compared.
+    """
+
+    topics: int
+    fields: int
+    gaps: Tuple[Gap, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """True where every topic and field was compared, or is left out one by one."""
+        return all(gap.is_accepted for gap in self.gaps)
+
+    @property
+    def words(self) -> str:
+        """Numbers of topics and fields that were compared, and what was not."""
+        left = sum(not gap.field for gap in self.gaps)
+        text = "%d of %d topics, %d of %d fields" % (
+            self.topics - left, self.topics, self.fields - sum(bool(gap.field) for gap in self.gaps), self.fields)
+        return text + ("; not compared: %s" % ", ".join(gap.words for gap in self.gaps) if self.gaps else "")
+
+
 class Residual(NamedTuple):
     """The deviations of one check's samples, beyond what jitter and stops allow.
 
     Attributes:
         time: Golden time, s, shape (n,): so many of the samples that the curve of all can be drawn.
         off: Deviation in ``unit``, shape (n,).
-        limit: Allowed deviation.
+        envelope: Allowed deviation, along the golden log.
         unit: Unit of deviation and limit.
         near_time: Golden time of all samples within a second of the worst one, s, shape (m,).
         near_off: Deviation of those samples in ``unit``, shape (m,).
@@ -140,10 +199,17 @@ class Residual(NamedTuple):
 
     time: Array
     off: Array
-    limit: float
+    envelope: Envelope
     unit: str
     near_time: Array
     near_off: Array
+
+
+def limits_at(envelope: Envelope, time: Array) -> Array:
+    """Return the limit at each golden time, s, shape (n,)."""
+    starts, limits = np.array(envelope).T
+    found: Array = limits[np.maximum(np.searchsorted(starts, time, "right") - 1, 0)]
+    return found
 
 
 ResidualKey = Tuple[Aspect, str, str]
@@ -162,6 +228,7 @@ class Comparison:
         residuals: Residuals of the checks that go sample by sample.
         time_scale: The candidate ran this many times faster.
         course: Limits for which the amounts would be the same; None where that was not recorded.
+        coverage: Share of both logs that was compared.
     """
 
     golden: Run
@@ -171,6 +238,7 @@ class Comparison:
     residuals: Dict[ResidualKey, Residual]
     time_scale: float = 1.0
     course: Optional[Course] = None
+    coverage: Coverage = Coverage(0, 0, ())
 
     @property
     def differences(self) -> List[Check]:
@@ -186,6 +254,26 @@ class Comparison:
     def worst_first(self) -> List[Check]:
         """The checks that failed, the largest excess over its limit first; those without an amount lead."""
         return sorted(self.differences, key=lambda check: -check.severity)
+
+    @property
+    def beginning(self) -> Optional[Check]:
+        """The difference from which others may follow; None where no failed check has a moment.
+
+        The earliest call that is changed, missing or new, unless the arm was elsewhere, or in another state, before it.
+        """
+        calls = [check for check in self.differences if check.aspect is Aspect.CALLS and not check.field]
+        others = [check for check in self.differences if not calls or check.aspect in _SHOWN_BY_THE_ARM]
+        timed = [(onset, check) for check in others for onset in [self._onset(check)] if onset is not None]
+        call = min(calls, key=lambda check: check.at or 0.0, default=None)
+        onset, first = min(timed, key=lambda one: one[0], default=(0.0, None))
+        return first if call is None or (first is not None and onset < (call.at or 0.0) - _FOLLOWS_S) else call
+
+    def _onset(self, check: Check) -> Optional[float]:
+        """Return when the first sample of a failed check was beyond its limit, s; without samples, its worst moment."""
+        residual = self.residuals.get((check.aspect, check.topic, check.field))
+        beyond = [] if residual is None else residual.time[
+            residual.off > limits_at(residual.envelope, residual.time)].tolist()
+        return min(beyond, default=check.at)
 
     @property
     def first_divergence(self) -> Optional[Check]:

@@ -29,7 +29,7 @@ class Message(NamedTuple):
     sequence: int
 
 
-class Parsed(NamedTuple):
+class ParsedChunk(NamedTuple):
     """The records of a chunk.
 
     Attributes:
@@ -44,7 +44,7 @@ class Parsed(NamedTuple):
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
-                scan: Callable[[int, int], Parsed]) -> Parsed:
+                scan: Callable[[int, int], ParsedChunk]) -> ParsedChunk:
     """Parse a chunk's records: many at once where the index leads to regular ones, else one by one and exact.
 
     Args:
@@ -67,7 +67,7 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
                     break
                 connections.update(between.connections)
             else:
-                return Parsed(batch, connections, len(raw))
+                return ParsedChunk(batch, connections, len(raw))
     parsed = scan(0, len(raw))
     if parsed.consumed != len(raw):
         raise BagFormatError("a record in a chunk is damaged")

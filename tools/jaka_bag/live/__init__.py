@@ -12,7 +12,7 @@ rolling_files     the files that a recording writes: cut by age, split, finished
 writer_thread     a bounded buffer between the receiving thread and the writing one
 session           one recording from start to end
 log_source        the messages of logs read ahead, framed for the wire
-lateness          how late messages were sent, in logarithmic bins
+latency_histogram  how late messages were sent, in logarithmic bins
 keyboard          single keys from a terminal
 player            sends messages at their times
 linux_timing      makes the calling thread wake up on time

@@ -4,6 +4,7 @@ After the ROS wiki pages "ROS/Master_API", "ROS/Slave_API" and "ROS/Parameter Se
 """
 import http.client
 import os
+import re
 import socketserver
 import threading
 import xmlrpc.client
@@ -13,6 +14,8 @@ from xml.parsers.expat import ExpatError
 
 from ..errors import ConnectionLost, ProtocolError
 
+_MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
+"""The beginning of a master's reason for a shutdown: the name of the node that it means (rosmaster.master_api)."""
 _UNREACHABLE = (OSError, http.client.HTTPException)
 _BROKEN = (xmlrpc.client.Error, ExpatError, ValueError, TypeError)
 
@@ -112,6 +115,7 @@ class SlaveServer:
     """The XMLRPC server every node has: the master reports publishers here, ``rosnode`` asks and may end the node.
 
     Args:
+        node: The node's resolved name; a shutdown that the master means for another one is refused.
         host: This host's name or address for the URI.
         bind: Address to listen on, empty for all; the port is free choice.
         on_publishers: Called with a topic and the XMLRPC URIs of all its publishers, in a server thread.
@@ -126,8 +130,9 @@ class SlaveServer:
         topic_address: Host and TCPROS port for a topic that this node publishes; None for one that it does not.
     """
 
-    def __init__(self, host: str, bind: str, on_publishers: Callable[[str, List[str]], None],
+    def __init__(self, node: str, host: str, bind: str, on_publishers: Callable[[str, List[str]], None],
                  on_shutdown: Callable[[str], None]) -> None:
+        self._node = node
         self._on_publishers = on_publishers
         self._on_shutdown = on_shutdown
         self.subscriptions: Callable[[], List[List[str]]] = list
@@ -138,9 +143,9 @@ class SlaveServer:
         self._server = _Server((bind, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
         self.uri = "http://%s:%d/" % (host, self._server.server_address[1])
         questions: Dict[str, Callable[[], Any]] = {
-            "getPid": os.getpid, "getMasterUri": master_uri, "getSubscriptions": lambda: self.subscriptions(),
-            "getPublications": lambda: self.publications(), "getBusInfo": lambda: self.bus_info(),
-            "getBusStats": lambda: [self.publish_statistics(), [], []]}
+            "getPid": os.getpid, "getName": lambda: self._node, "getMasterUri": master_uri,
+            "getSubscriptions": lambda: self.subscriptions(), "getPublications": lambda: self.publications(),
+            "getBusInfo": lambda: self.bus_info(), "getBusStats": lambda: [self.publish_statistics(), [], []]}
         for name, answer in questions.items():
             self._server.register_function(lambda caller_id, answer=answer: (1, "", answer()), name)
         methods: Tuple[Callable[..., Any], ...] = (
@@ -173,5 +178,8 @@ class SlaveServer:
         return 1, "", ["TCPROS", address[0], address[1]]
 
     def shutdown(self, caller_id: str, reason: str = "") -> Tuple[int, str, int]:
+        meant = _MASTERS_REASON.match(str(reason))
+        if meant and meant.group(1) != self._node:
+            return 0, "this is %s" % self._node, 0  # that node was killed, and this one has its port now
         self._on_shutdown("%s: %s" % (caller_id, reason))
         return 1, "", 0

@@ -5,7 +5,7 @@ from typing import Callable, Dict, Iterable, Optional
 
 from ..units import NS_PER_S
 from .keyboard import Keyboard
-from .lateness import Lateness
+from .latency_histogram import LatencyHistogram
 from .log_source import Timed
 
 _PAUSE_POLL_S = 0.05
@@ -62,7 +62,7 @@ class Player:
         self._keyboard = keyboard
         self._idle = idle
         self._notice = notice
-        self.accounts: Dict[int, Lateness] = {}
+        self.accounts: Dict[int, LatencyHistogram] = {}
         self.is_paused = pace.is_paused
         self._steps = 0
         self._log_base = 0
@@ -116,7 +116,7 @@ class Player:
             self._send(message)
             account = self.accounts.get(message.connection)
             if account is None:
-                account = self.accounts[message.connection] = Lateness()
+                account = self.accounts[message.connection] = LatencyHistogram()
             account.add(late if is_timed else 0.0)
 
     def wait(self, seconds: float, log_time: int) -> None:
@@ -179,9 +179,9 @@ class Player:
             elif key == "s" and self.is_paused:
                 self._steps += 1
 
-    def total_of(self, connections: Iterable[int]) -> Lateness:
+    def total_of(self, connections: Iterable[int]) -> LatencyHistogram:
         """Return the account of several connections together."""
-        total = Lateness()
+        total = LatencyHistogram()
         for number in connections:
             total.merge(self.accounts[number])
         return total

@@ -85,7 +85,7 @@ class Publisher:
         self._listener.listen(64)
         self._acceptor = threading.Thread(target=self._accept, name="tcpros-accept", daemon=True)
         self._acceptor.start()
-        self._slave = SlaveServer(self._host, bind, lambda topic, uris: None, on_shutdown)
+        self._slave = SlaveServer(names.node, self._host, bind, lambda topic, uris: None, on_shutdown)
         self._slave.publications = lambda: [[o.topic, o.connection.datatype] for o in self.offers]
         self._slave.bus_info = lambda: [[id(link) % 2147483647, link.subscriber, "o", "TCPROS", offer.topic, 1, ""]
                                         for offer in self.offers for link in offer.links]

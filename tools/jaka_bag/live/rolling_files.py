@@ -12,7 +12,7 @@ from ..containers.registry import create_log
 from ..errors import BagError, WriteFailed
 from ..log_records import DROPS, RECORDING
 from ..units import NS_PER_S
-from .stream_account import Stream, TopicDrops, drops_as_metadata, drops_by_topic
+from .stream_account import PublisherStream, TopicDrops, drops_as_metadata, drops_by_topic
 
 WORKING_SUFFIX = ".active"
 _SUMMARY_RESERVE = 64 * 1024
@@ -81,7 +81,7 @@ class RollingFiles:
     Args:
         settings: Settings for the files.
         facts: Facts of the recording, stored in each MCAP file.
-        attachments: Files stored in each MCAP file.
+        attachments: Files stored in each MCAP file; those added since it began are stored when it is closed.
         streams: Gives all streams so far, for the account stored in each MCAP file.
         notice: Takes a line for the user.
         drops: Gives that account, where it is not that of all streams since they were opened.
@@ -95,12 +95,13 @@ class RollingFiles:
     """
 
     def __init__(self, settings: FileSettings, facts: Dict[str, str], attachments: List[Attachment],
-                 streams: Callable[[], List[Stream]], notice: Callable[[str], None],
+                 streams: Callable[[], List[PublisherStream]], notice: Callable[[str], None],
                  drops: Optional[Callable[[], Dict[str, TopicDrops]]] = None) -> None:
         self.settings = settings
         self._drops = drops or (lambda: drops_by_topic(streams()))
         self._facts = facts
         self._attachments = attachments
+        self._attached: List[Attachment] = []
         self._streams = streams
         self._notice = notice
         self.finished: List[Path] = []
@@ -109,7 +110,7 @@ class RollingFiles:
         self._writer: Optional[LogWriter] = None
         self._begin_time: Optional[int] = None
         self._chunk_born: Optional[float] = None
-        self._chunk_streams: Dict[Stream, int] = {}
+        self._chunk_streams: Dict[PublisherStream, int] = {}
         self._largest_chunk = settings.chunk_bytes
         self._synced_at = time.monotonic()
         self._synced_position = 0
@@ -129,14 +130,15 @@ class RollingFiles:
         try:
             self._check_space(writer)
             self.add_metadata(RECORDING, self._facts)
-            for item in self._attachments:
+            self._attached = list(self._attachments)
+            for item in self._attached:
                 self.add_attachment(item)
         except BagError:
             writer.abort()
             self._writer = None
             raise
 
-    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes,
+    def add(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes,
             sequence: Optional[int] = None) -> None:
         """Write one message; begin a new file where the settings demand it.
 
@@ -176,7 +178,7 @@ class RollingFiles:
         self._largest_chunk = max(self._largest_chunk, writer.position - begin)
         self._chunk_done()
 
-    def _put(self, stream: Stream, log_time: int, publish_time: int, payload: bytes,
+    def _put(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes,
              sequence: Optional[int] = None) -> None:
         writer = self._writer
         assert writer is not None
@@ -311,6 +313,8 @@ class RollingFiles:
         except WriteFailed as error:
             self.lose_chunk()
             self._notice(str(error))
+        for item in [item for item in self._attachments if item not in self._attached]:
+            self.add_attachment(item)
         self.add_metadata(DROPS, drops_as_metadata(self._drops()))
         if self.settings.fsync_s:
             self._sync(writer)

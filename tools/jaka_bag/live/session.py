@@ -2,6 +2,7 @@
 
 What asks the master raises ``ConnectionLost`` where it does not answer, ``ProtocolError`` where it refuses.
 """
+import contextlib
 import json
 import threading
 import time
@@ -12,7 +13,7 @@ from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .bus_statistics import ask_publishers
 from .graph import RemoteNode
-from .stream_account import Stream
+from .stream_account import PublisherStream
 from .subscriber import Subscriber
 from .topic_selection import TopicSelection
 from .writer_thread import CLOCK_TOPIC, WriterThread
@@ -23,9 +24,13 @@ _STATISTICS_WAIT_S = 1.5
 _DRAIN_S = 0.5
 _POLL_S = 0.1
 _LOSS_NOTICE_PERIOD_S = 10.0
+_INTERFACE_PERIOD_S = 0.5
+"""A node's topics are looked for so often, s: the master lists the whole graph for it."""
+_NO_INTERFACE = ("/rosout", "/rosout_agg", CLOCK_TOPIC)
+"""Topics that any node has."""
 
 
-class Session:
+class RecordingSession:
     """A recording session, which joins a transport, a selection and a recorder.
 
     Args:
@@ -34,6 +39,7 @@ class Session:
         accept: Returns whether a publisher's stream on a wanted topic belongs to the log.
         notice: Takes a line for the user.
         duration_s: Recording ends after this time, s; None for never. Log time where that is simulated.
+        new_publishers: Called when publishers have been connected, with the master that knows them.
 
     Attributes:
         stop: Set to end the recording.
@@ -41,13 +47,17 @@ class Session:
     """
 
     def __init__(self, recorder: WriterThread, selection: TopicSelection, accept: Callable[[Connection], bool],
-                 notice: Callable[[str], None], duration_s: Optional[float] = None) -> None:
+                 notice: Callable[[str], None], duration_s: Optional[float] = None,
+                 new_publishers: Callable[[RemoteNode], None] = lambda master: None) -> None:
         self._recorder = recorder
+        self._new_publishers = new_publishers
+        self._links = 0
         self._selection = selection
         self._accept = accept
         self._notice = notice
         self._duration_s = duration_s
         self._subscribed: Set[str] = set()
+        self._interface_due = 0.0
         self._is_master_lost = False
         self._noticed: Dict[str, str] = {}
         self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
@@ -55,9 +65,9 @@ class Session:
         self.stop = threading.Event()
         self.end_reason = ""
 
-    def open_stream(self, connection: Connection, publisher: str) -> Stream:
+    def open_stream(self, connection: Connection, publisher: str) -> PublisherStream:
         """Return the account of a new link; called by the transport."""
-        is_wanted = self._selection.node is not None or self._selection.wants(connection.topic)
+        is_wanted = self._selection.node is not None or not self._is_clock_only(connection.topic)
         return self._recorder.open_stream(connection, publisher, is_wanted)
 
     def end(self, reason: str) -> None:
@@ -141,6 +151,7 @@ class Session:
         while True:
             try:
                 self._look_at_graph(self._transport)
+                self._look_for_publishers(self._transport)
                 if self._is_master_lost:
                     self._is_master_lost = False
                     self._notice("the master is back")
@@ -162,7 +173,15 @@ class Session:
                 loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
                 self._notice_overflow()
             if self.stop.wait(_WATCH_PERIOD_S):
+                with contextlib.suppress(ConnectionLost, ProtocolError):
+                    self._look_for_publishers(self._transport)
                 return
+
+    def _look_for_publishers(self, transport: Subscriber) -> None:
+        links = len(transport.links())
+        if links > self._links:
+            self._new_publishers(transport.master)
+        self._links = links
 
     def _look_at_graph(self, transport: Subscriber) -> None:
         master = transport.master
@@ -178,6 +197,9 @@ class Session:
                     self._subscribe(topic)
         if self._selection.node is not None:
             self._subscribe_as(self._selection.node, master)
+        if self._selection.interface_of is not None and time.monotonic() >= self._interface_due:
+            self._interface_due = time.monotonic() + _INTERFACE_PERIOD_S
+            self._subscribe_interface(self._selection.interface_of, master)
         full = self._recorder.full_topics
         for topic in full & self._subscribed:
             if topic not in self._noticed:
@@ -185,6 +207,13 @@ class Session:
                 transport.unsubscribe(topic)
         if full and {t for t in self._subscribed if not self._is_clock_only(t)} <= full:
             self.end("each topic has reached its limit")
+
+    def _subscribe_interface(self, node: str, master: RemoteNode) -> None:
+        """Subscribe to what a node publishes and listens to; who sends to it is in any namespace."""
+        publishers, subscribers, _ = master.call("getSystemState")
+        for topic, nodes in [*publishers, *subscribers]:
+            if node in nodes and topic not in _NO_INTERFACE and not self._selection.is_excluded(topic):
+                self._subscribe(topic, lambda connection: True)
 
     def _subscribe_as(self, node: str, master: RemoteNode) -> None:
         try:
@@ -196,10 +225,10 @@ class Session:
         except (ConnectionLost, ProtocolError) as error:
             self._notice_once("node", "waiting for node %s: %s" % (node, error))
 
-    def _subscribe(self, topic: str) -> None:
+    def _subscribe(self, topic: str, accept: Optional[Callable[[Connection], bool]] = None) -> None:
         if topic not in self._subscribed:
             assert self._transport is not None
-            self._transport.subscribe(topic, self._accept)
+            self._transport.subscribe(topic, accept or self._accept)
             self._subscribed.add(topic)
 
     def _is_clock_only(self, topic: str) -> bool:
@@ -234,8 +263,13 @@ def read_parameter(master: RemoteNode, name: str) -> Any:
 
 
 def parameter_dump(master: RemoteNode) -> bytes:
-    """Return all parameters as JSON, which ``rosparam load`` reads as YAML; other values become text."""
-    return json.dumps(master.call("getParam", "/"), indent=1, sort_keys=True, default=str).encode() + b"\n"
+    """Return all parameters as ``as_yaml`` has them."""
+    return as_yaml(master.call("getParam", "/"))
+
+
+def as_yaml(parameters: Any) -> bytes:
+    """Return parameters as JSON, which ``rosparam load`` reads as YAML; values that JSON lacks become text."""
+    return json.dumps(parameters, indent=1, sort_keys=True, default=str).encode() + b"\n"
 
 
 def wait_for_master(master: RemoteNode, stop: threading.Event, notice: Callable[[str], None]) -> bool:

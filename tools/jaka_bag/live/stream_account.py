@@ -18,7 +18,7 @@ def starts_with_header(connection: Connection) -> bool:
     return bool(fields) and fields[0].type == "std_msgs/Header" and fields[0].array is None
 
 
-class Stream:
+class PublisherStream:
     """One publisher's messages on one topic.
 
     Attributes:
@@ -134,9 +134,9 @@ def _sum_known(values: Sequence[Optional[int]]) -> Optional[int]:
     return sum(known) if known else None
 
 
-def drops_by_topic(streams: Sequence[Stream]) -> Dict[str, TopicDrops]:
+def drops_by_topic(streams: Sequence[PublisherStream]) -> Dict[str, TopicDrops]:
     """Return the account of each recorded topic, by topic name."""
-    groups: Dict[str, List[Stream]] = {}
+    groups: Dict[str, List[PublisherStream]] = {}
     for stream in streams:
         if stream.is_wanted:
             groups.setdefault(stream.connection.topic, []).append(stream)

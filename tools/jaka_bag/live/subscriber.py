@@ -89,7 +89,7 @@ class Subscriber:
         self._accepts: Dict[str, Accept] = {}
         self.master = RemoteNode(master_uri(), names.node)
         host, bind = host_address(os.environ)
-        self._slave = SlaveServer(host, bind, self._on_publishers, on_shutdown)
+        self._slave = SlaveServer(names.node, host, bind, self._on_publishers, on_shutdown)
         self._slave.subscriptions = lambda: [[topic, "*"] for topic in list(self._accepts)]
         self._slave.bus_info = self._bus_info
 

@@ -5,7 +5,11 @@ from typing import Callable, Optional, Pattern, Tuple
 from ..messages.connection import Connection
 from .names import NodeNames
 
-_DRIVER_TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
+_DRIVER_TOPICS = (
+    "tool_position", "joint_position", "robot_states", "service_calls", "io_states", "motion_state", "program/state",
+    "speed_scaling_factor", "robot_status", "joint_currents", "joint_temperatures", "simulated", "jog_joints",
+    "jog_twist", "servo_j_command", "servo_p_command", "move_path/goal", "move_path/cancel", "recover/goal",
+    "recover/cancel")
 _NAMESPACE_TOPICS = ("joint_states", "tf", "tf_static", "diagnostics")
 _GLOBAL_TOPICS = ("/tf", "/tf_static", "/diagnostics")
 
@@ -20,6 +24,7 @@ class TopicSelection:
         patterns: Published topics whose whole name one of these matches.
         exclude: Topics whose whole name this matches are never wanted.
         node: Global name of a node: every topic that it subscribes to.
+        interface_of: Global name of a node: every topic that it publishes or subscribes to, its log left out.
     """
 
     names: Tuple[str, ...] = ()
@@ -27,6 +32,7 @@ class TopicSelection:
     patterns: Tuple[Pattern[str], ...] = ()
     exclude: Optional[Pattern[str]] = None
     node: Optional[str] = None
+    interface_of: Optional[str] = None
 
     def is_excluded(self, topic: str) -> bool:
         """Return whether a topic is never wanted."""
@@ -39,8 +45,21 @@ class TopicSelection:
         return self.everything or topic in self.names or any(p.fullmatch(topic) for p in self.patterns)
 
 
+def state_log_selection(names: NodeNames, exclude: Optional[Pattern[str]] = None) -> TopicSelection:
+    """Return the selection of one driver's whole interface: what it publishes, and what others send to it.
+
+    The topics that are named are there from the first message on; those with names that depend on the driver's
+    parameters, as its trajectory controller's, from the moment at which they are found.
+
+    Args:
+        names: Names of the node that records; the driver is ``jaka_driver`` in its namespace.
+        exclude: Topics whose whole name this matches are left out.
+    """
+    return TopicSelection(state_log_topics(names), exclude=exclude, interface_of=names.resolve("jaka_driver"))
+
+
 def state_log_topics(names: NodeNames) -> Tuple[str, ...]:
-    """Return the topics of one driver and those that belong to it in its namespace.
+    """Return the topics of one driver that have fixed names, and those that belong to it in its namespace.
 
     ``tf``, ``tf_static`` and ``diagnostics`` are published under global names by most nodes: those are among the topics
     too, and ``is_of_namespace`` decides whose messages on them belong to the log.

@@ -8,7 +8,7 @@ from typing import Callable, Deque, Dict, List, Optional, Protocol, Set, Tuple
 from ..errors import BagError, WriteFailed
 from ..messages.connection import Connection
 from ..units import NS_PER_S
-from .stream_account import Stream
+from .stream_account import PublisherStream
 
 _HEADER = struct.Struct("<III")
 _TIME = struct.Struct("<II")
@@ -18,7 +18,7 @@ _EARLIEST_NS = 1
 
 CLOCK_TOPIC = "/clock"
 
-_Item = Tuple[Stream, int, int, bytes]
+_Item = Tuple[PublisherStream, int, int, bytes]
 
 
 class MessageFiles(Protocol):
@@ -31,7 +31,7 @@ class MessageFiles(Protocol):
     def is_large_enough(self) -> bool:
         """True where no more is wanted."""
 
-    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+    def add(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes) -> None:
         """Take one message; times in ns."""
 
     def tick(self) -> None:
@@ -79,7 +79,7 @@ class WriterThread:
         self.is_simulated_time = is_simulated_time
         self.clock: Optional[int] = None
         self._waiting_for_clock: List[_Item] = []
-        self._streams: Dict[Tuple[Connection, str], Stream] = {}
+        self._streams: Dict[Tuple[Connection, str], PublisherStream] = {}
         self._queue: Deque[_Item] = collections.deque()
         self._taken_bytes = 0
         self._passed_bytes = 0
@@ -101,13 +101,13 @@ class WriterThread:
         self._files = self._open_files()
         self._thread.start()
 
-    def streams(self) -> List[Stream]:
+    def streams(self) -> List[PublisherStream]:
         """Return all streams seen so far."""
         return list(self._streams.values())
 
     # The receiving thread
 
-    def open_stream(self, connection: Connection, publisher: str, is_wanted: bool = True) -> Stream:
+    def open_stream(self, connection: Connection, publisher: str, is_wanted: bool = True) -> PublisherStream:
         """Return the account of a new link; a publisher that comes back continues its own."""
         stream = self._streams.get((connection, publisher))
         if stream is not None:
@@ -119,10 +119,10 @@ class WriterThread:
                     connection.topic, other.connection.callerid, other.connection.datatype, other.connection.md5sum,
                     connection.callerid, connection.datatype, connection.md5sum))
                 break
-        stream = self._streams[connection, publisher] = Stream(connection, publisher, is_wanted)
+        stream = self._streams[connection, publisher] = PublisherStream(connection, publisher, is_wanted)
         return stream
 
-    def take(self, stream: Stream, stamp: int, data: bytes) -> None:
+    def take(self, stream: PublisherStream, stamp: int, data: bytes) -> None:
         """Take one message.
 
         Args:
@@ -143,7 +143,7 @@ class WriterThread:
         elif self._has_room(stream, len(data)):
             self._queue.append((stream, stamp, published, data))
 
-    def _has_room(self, stream: Stream, size: int) -> bool:
+    def _has_room(self, stream: PublisherStream, size: int) -> bool:
         size += self._item_bytes
         if self._buffer_bytes and self._taken_bytes - self._passed_bytes + size > self._buffer_bytes:
             stream.overflowed += 1
@@ -151,7 +151,7 @@ class WriterThread:
         self._taken_bytes += size
         return True
 
-    def _take_simulated(self, stream: Stream, published: Optional[int], data: bytes) -> None:
+    def _take_simulated(self, stream: PublisherStream, published: Optional[int], data: bytes) -> None:
         if stream.connection.topic == CLOCK_TOPIC and len(data) == _TIME.size:
             seconds, nanoseconds = _TIME.unpack(data)
             clock = max(seconds * NS_PER_S + nanoseconds, _EARLIEST_NS)

@@ -6,6 +6,7 @@ batch         many messages in one buffer: what readers give, filters pick from 
 selection     which messages are wanted: topics, types, times
 layout        where the fields of serialised messages lie; messages of one layout are handled together
 values        one message as Python values
+value_writer  values as one message
 decoding      single messages as data for JSON
 columns       fields of messages as numpy columns
 ros2_types    ROS 2 definitions, type hashes and single CDR messages, by the library rosbags

@@ -156,7 +156,7 @@ def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, 
     return list(zip(begins[which].tolist(), ends[which].tolist()))
 
 
-class Rows:
+class RowStore:
     """A compact store of (start, length, connection, log time[, publish time, sequence]) of each message."""
 
     def __init__(self, has_publish: bool) -> None:

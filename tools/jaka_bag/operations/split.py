@@ -20,7 +20,7 @@ _FINEST = 64
 """Pieces that a part limited by size is at least made of."""
 
 
-class Limits(NamedTuple):
+class SplitLimits(NamedTuple):
     """The limits of a part; None for no limit.
 
     Attributes:
@@ -92,7 +92,7 @@ class _Parts:
             os.unlink(path)
 
 
-def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: Limits) -> int:
+def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: SplitLimits) -> int:
     """Return how many of the batch's first messages still belong to a part."""
     fits = len(batch)
     if limits.duration is not None:
@@ -119,7 +119,7 @@ class _Latched:
             yield batch.replace(log_time=np.full(1, time, np.int64))
 
 
-def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optional[str] = None,
+def split(source: PathLike, stem: PathLike, limits: SplitLimits, compression: Optional[str] = None,
           level: Optional[int] = None, overwrite: bool = False, repeat_latched: bool = False,
           on_progress: Optional[OnProgress] = None) -> SplitResult:
     """Write a log as parts ``STEM_0.SUFFIX``, ``STEM_1.SUFFIX``, ..., in the order of time.
@@ -139,7 +139,7 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
     Raises:
         BagError: The source cannot be read, a part cannot be written, or no limit is given.
     """
-    if limits == Limits():
+    if limits == SplitLimits():
         raise BagError("nothing says where to split")
     with open_log(source) as reader:
         parts = _Parts(Path(stem), compression, level, overwrite, reader.index.profile or "ros1")

@@ -2,7 +2,7 @@
 import math
 import re
 from dataclasses import replace
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -10,9 +10,11 @@ from ...messages.batch import Array
 from ..matching.alignment import Alignment
 from ..matching.course import Decision
 from ..matching.sequences import Entry, pair
+from ..runs.call_text import changed_fields, top_level_fields
 from ..runs.run import Call, Run
 from ..tolerances import CallTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged
+from .timing_checks import wait_checks
 
 
 class CallPair(NamedTuple):
@@ -52,6 +54,9 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
         checks.append(first)
     if pairs:
         checks += _order_and_timing(pairs, lag, limits)
+        events = sorted((both.golden.start, both.candidate.start - both.golden.start, both.golden.short_name)
+                        for both in pairs)
+        checks += wait_checks("", "waits of calls", events, tolerances.timing)
         checks += _response_checks(pairs, limits)
         checks.append(_duration_check(pairs, limits))
     return checks
@@ -73,27 +78,59 @@ def _outcome(call: Call) -> str:
     return "succeeded" if call.success else "failed: %s" % (call.error or "no reason given")
 
 
+def _without_numbers(text: str) -> str:
+    """Return the text of an error without amounts, which change from run to run."""
+    return re.sub(r"\d+(\.\d+)?", "#", text)
+
+
 def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
                   limits: CallTolerance) -> Tuple[List[CallPair], List[Check]]:
-    """Pair the calls of one service; return the pairs and a check for each difference."""
+    """Pair the calls of one service; return the pairs and a check for each difference.
+
+    Calls that stand alone between two pairs are told as one with a changed request, where each log has one.
+    """
     found: List[CallPair] = []
     differences: List[Check] = []
 
     def differs(call: Call, at: float, words: str, *values: str) -> None:
-        differences.append(equal(Aspect.CALLS, call.service, "", False, "%s at %.2f s %s" % (call.words, at, words),
-                                 at, *values))
+        differences.append(equal(Aspect.CALLS, call.service, "", False, words, at, *values))
 
+    places: List[Tuple[int, int]] = []
     for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
-        if i is not None and j is not None:
-            one, other = ours[i], theirs[j]
-            found.append(CallPair(one, other))
-            if one.success != other.success:
-                differs(one, one.start, _outcome(other), _outcome(one), _outcome(other))
-        elif i is not None:
-            differs(ours[i], ours[i].start, "is missing", ours[i].words, "no such call")
-        elif j is not None:
-            differs(theirs[j], theirs[j].start - lag, "is new", "no such call", theirs[j].words)
+        if i is None or j is None:
+            continue
+        places.append((i, j))
+        one, other = ours[i], theirs[j]
+        found.append(CallPair(one, other))
+        where = "%s at %.2f s " % (one.words, one.start)
+        if one.success != other.success or _without_numbers(one.error) != _without_numbers(other.error):
+            differs(one, one.start, where + _outcome(other), _outcome(one), _outcome(other))
+        if one.service_type != other.service_type:
+            differs(one, one.start, where + "has another type", one.service_type, other.service_type)
+    for gone, come in _between(places, ours, theirs, lag):
+        if gone is not None and come is not None:
+            differs(gone, gone.start, "%s at %.2f s asks for something else: %s" % (
+                gone.short_name, gone.start, changed_fields(gone.request_text, come.request_text)),
+                gone.words, come.words)
+        elif gone is not None:
+            differs(gone, gone.start, "%s at %.2f s is missing" % (gone.words, gone.start), gone.words, "no such call")
+        elif come is not None:
+            at = come.start - lag
+            differs(come, at, "%s at %.2f s is new" % (come.words, at), "no such call", come.words)
     return found, differences
+
+
+def _between(places: Sequence[Tuple[int, int]], ours: Sequence[Call], theirs: Sequence[Call], lag: float
+             ) -> List[Tuple[Optional[Call], Optional[Call]]]:
+    """Pair the calls between the places of equal ones, in order and by nearness; None where one stands alone."""
+    result: List[Tuple[Optional[Call], Optional[Call]]] = []
+    first_g = first_c = 0
+    for end_g, end_c in [*places, (len(ours), len(theirs))]:
+        gone, come = ours[first_g:end_g], theirs[first_c:end_c]
+        result += [(None if i is None else gone[i], None if j is None else come[j]) for i, j in pair(
+            [Entry(call.md5sum, call.start) for call in gone], [Entry(call.md5sum, call.start) for call in come], lag)]
+        first_g, first_c = end_g + 1, end_c + 1
+    return result
 
 
 def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallTolerance) -> List[Check]:
@@ -112,20 +149,6 @@ def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallToleran
                         else "%s comes after a call that it came before" % swapped.golden.words,
                         None if swapped is None else swapped.golden.start))
     return checks
-
-
-def _values(text: str) -> Dict[str, str]:
-    """Return the top-level fields of a response as text, without ``message``."""
-    values: Dict[str, str] = {}
-    name = ""
-    for line in text.splitlines():
-        if line[:1].strip() and not line.startswith("-") and ":" in line:
-            name, _, rest = line.partition(":")
-            values[name] = rest.strip()
-        elif name:
-            values[name] += "\n" + line.strip()
-    values.pop("message", None)
-    return values
 
 
 def _off(ours: str, theirs: str) -> float:
@@ -149,7 +172,9 @@ def _response_off(ours: Call, theirs: Call, limits: CallTolerance) -> float:
     """Return the largest deviation of a response's numbers; infinite where something else differs."""
     if limits.response == "exact":
         return 0.0 if ours.response == theirs.response else math.inf
-    values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
+    values_g, values_c = (top_level_fields(call.response_text) for call in (ours, theirs))
+    for values in (values_g, values_c):
+        values.pop("message", None)
     if bool(ours.response) != bool(theirs.response) or set(values_g) != set(values_c):
         return math.inf
     return max((_value_off(values_g[name], values_c[name]) for name in values_g), default=0.0)

@@ -1,17 +1,18 @@
 """Joints, positions, orientations and further fields, sample by sample, a window of both logs at a time."""
-from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from ...messages.batch import Array
 from ...operations.thinning import MinMax
-from ...units import m_to_mm, mm_to_m, ms_to_s
+from ...units import m_to_mm, mm_to_m, ms_to_s, s_to_ms
 from ..matching.alignment import Alignment
 from ..matching.curve_distance import Lateness, distances, interpolated, lengths
 from ..matching.cut_motions import Allowances, Cut
 from ..runs.run import LongTrack, Run, Track, arm_of
-from ..tolerances import FieldTolerance, Tolerances
-from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged
+from ..tolerances import Envelope, FieldTolerance, Tolerances
+from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
+from .content_checks import NumberLimits, is_of_any_speed, number_limits
 from .rotation_angles import continuous, quaternions
 
 RESOLUTION = 0.3
@@ -21,6 +22,13 @@ _SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 _BEHIND_S = 10.0
 """Span, s, of the golden curve that is kept before the times where samples have been sought."""
 _CLOSE_UP_S = 1.0
+_EVERY, _SLOPE_S, _LEAST_SPEED = 2, 0.012, 0.005
+"""The share of samples taken for lateness is one of so many; half the span of speeds, s; least speed, m/s or rad/s."""
+_FEWEST_MOVING = 20
+_EXPLAINED = 0.4
+"""Share of the squared deviations that a delay must explain: of values of which each second one is late it is half."""
+ONE_MOTION = 2.0
+"""Multiple of the limit by which the values may be late in a single motion."""
 _POINTS = 1100
 
 
@@ -32,11 +40,17 @@ class Frame(NamedTuple):
     arms: List[str]
     cuts: Dict[str, List[Cut]]
     resolution: float = RESOLUTION
+    on_change: Collection[str] = ()
+    time_scale: float = 1.0
 
     @property
     def jitter_s(self) -> float:
         """The largest error of a stamp, s."""
         return ms_to_s(self.tolerances.timing.jitter_ms)
+
+    def envelope(self, topic: str, name: str) -> Envelope:
+        """Return the envelope of a joint, position, orientation or field; empty where it has none."""
+        return self.tolerances.envelopes.get(topic, {}).get(name, ())
 
 
 class _Samples(NamedTuple):
@@ -62,6 +76,11 @@ class _Samples(NamedTuple):
         """Return each sample's Euclidean distance to the golden curve; exact where above ``enough``."""
         return distances(self.golden_time, self.golden_value, self.time, self.value,
                          lengths(self.value - self.golden_here), self.jitter, enough)
+
+
+def _least(envelope: Envelope, limit: float, factor: float = 1.0) -> float:
+    """Return an envelope's least limit, divided by ``factor``; without an envelope ``limit``."""
+    return min(value for _, value in envelope) / factor if envelope else limit
 
 
 Convert = Callable[[Array, Optional[Array]], Array]
@@ -162,18 +181,22 @@ class _Aligned:
 
 
 class _Judge:
-    """A judge of distances, in ``unit`` / ``factor``, that may exceed the limit by what stops allow."""
+    """A judge of distances, in ``unit`` / ``factor``, that may exceed the limit by what stops allow.
+
+    With an envelope, in ``unit``, the limit is its least value, and more is allowed where the envelope is wider.
+    """
 
     def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
-                 names: Sequence[str], floor: float, factor: float = 1.0) -> None:
+                 names: Sequence[str], floor: float, factor: float = 1.0, envelope: Envelope = ()) -> None:
         self._aspect, self._topic, self._field, self._names = aspect, topic, field, names
         self._limit, self._unit, self._factor, self._outside_percent = limit, unit, factor, outside_percent
+        self._envelope = envelope
         self._floor = floor
         self._curve = MinMax(_POINTS)
         self._count = self._outside = 0
         self._rungs = np.array([share * limit for share in _SHARES_AT if share * limit >= floor])
         self._beyond = np.zeros(len(self._rungs), np.int64)
-        self._worst = -1.0
+        self._worst, self._wider = -1.0, 0.0
         self._worst_at = self._worst_allowed = 0.0
         self._shown: Tuple[Array, Array] = (np.zeros(0), np.zeros(0))
         self._tail = np.zeros((0, 2))
@@ -182,15 +205,19 @@ class _Judge:
     def take(self, off: Array, allowed: Array, samples: _Samples) -> None:
         """Add further samples."""
         beyond = np.maximum(off - allowed, 0.0)
+        wider = np.zeros(len(off)) if not self._envelope else (
+            limits_at(self._envelope, samples.time) / self._factor - self._limit)
+        excess = np.maximum(beyond - wider, 0.0)
         self._count += len(off)
-        self._outside += int((beyond > self._limit).sum())
-        if beyond.max() > self._floor:
-            self._beyond += (beyond[:, None] > self._rungs).sum(axis=0)
+        self._outside += int((excess > self._limit).sum())
+        if excess.max() > self._floor:
+            self._beyond += (excess[:, None] > self._rungs).sum(axis=0)
         self._curve.add(samples.time, beyond * self._factor)
         rows = np.stack([samples.time, beyond * self._factor], axis=1)
-        worst = int(np.argmax(beyond))
-        if beyond[worst] > self._worst:
-            self._worst, self._worst_at = float(beyond[worst]), float(samples.time[worst])
+        worst = int(np.argmax(excess))
+        if excess[worst] > self._worst:
+            self._worst, self._worst_at = float(excess[worst]), float(samples.time[worst])
+            self._wider = float(wider[worst])
             self._worst_allowed = float(allowed[worst])
             self._shown = (samples.golden_here[worst].copy(), samples.value[worst].copy())
             self._close_up = np.concatenate([self._tail, rows])
@@ -204,24 +231,86 @@ class _Judge:
         topic, field, unit, factor = self._topic, self._field, self._unit, self._factor
         if not self._count:
             return _nothing_common(self._aspect, topic)
+        worst, limit = (factor * (amount + self._wider) for amount in (self._worst, self._limit))
         residuals[self._aspect, topic, field] = Residual(
-            *self._curve.points(), self._limit * factor, unit, self._close_up[:, 0], self._close_up[:, 1])
+            *self._curve.points(), self._envelope or ((0.0, limit),), unit, self._close_up[:, 0], self._close_up[:, 1])
         outside = 100.0 * self._outside / self._count
         golden, candidate = (", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row))
                              for row in self._shown)
-        detail = "at most %.4g %s off, at %.3f s" % (self._worst * factor, unit, self._worst_at)
+        detail = "at most %.4g %s off, at %.3f s" % (worst, unit, self._worst_at)
         if self._worst_allowed > 0:
             detail += ", beyond %.4g %s that a stop may have moved" % (self._worst_allowed * factor, unit)
         if outside:
             detail += "; %.3g %% of %d samples outside" % (outside, self._count)
         shares = zip((self._rungs * factor).tolist(), (100.0 * self._beyond / self._count).tolist())
-        evidence = ((self._worst * factor, self._floor * factor), *[rung for rung in shares if rung[1] > 0])
-        check = judged(self._aspect, topic, field, self._worst * factor, self._limit * factor, unit, detail,
-                       self._worst_at, golden, candidate, evidence)
+        evidence = () if self._envelope else (
+            (worst, self._floor * factor), *[rung for rung in shares if rung[1] > 0])
+        check = judged(self._aspect, topic, field, worst, limit, unit, detail, self._worst_at, golden, candidate,
+                       evidence)
         if check.outcome is Outcome.DIFFERENT and outside <= self._outside_percent:
             return judged(self._aspect, topic, field, outside, self._outside_percent, "% of the samples outside",
                           detail, self._worst_at, golden, candidate, evidence)
         return check
+
+
+class _Staleness:
+    """The time by which a topic's values are older, or newer, than their arm's joints at the same stamps.
+
+    A value that is late by a time d differs from the golden one by d times the golden speed, with the sign of that
+    speed: along the path it is right. The least squares over all samples that move give d.
+    """
+
+    def __init__(self, arm: str, frame: Frame) -> None:
+        self._arm, self._frame = arm, frame
+        self._products: Dict[int, Array] = {}
+
+    def take(self, samples: _Samples) -> None:
+        """Add further samples."""
+        few = np.flatnonzero((samples.time * 1e6).astype(np.int64) % _EVERY == 0)  # whatever the windows are
+        if not len(few):
+            return
+        at = samples.time[few]
+        still = samples.allowed[few].max(axis=1) <= 0
+        ahead, behind = (interpolated(samples.golden_time, samples.golden_value, at + step)
+                         for step in (_SLOPE_S, -_SLOPE_S))
+        speed = (ahead - behind) / (2.0 * _SLOPE_S)
+        moving = still & (lengths(speed) > _LEAST_SPEED)
+        if not moving.any():
+            return
+        off = (samples.value[few] - samples.golden_here[few])[moving]
+        speed = speed[moving]
+        starts = [episode.start for episode in self._frame.alignment.episodes.get(self._arm, ())]
+        motion = np.searchsorted(starts, at[moving], "right")
+        parts = np.stack([-(off * speed).sum(axis=1), (speed * speed).sum(axis=1), np.ones(len(speed)),
+                          (off * off).sum(axis=1)], axis=1)
+        for number in np.unique(motion).tolist():
+            self._products[number] = self._products.get(number, np.zeros(4)) + parts[motion == number].sum(axis=0)
+
+    def checks(self, topic: str, field: str) -> List[Check]:
+        """Return the outcome, after all samples; nothing where too little moves."""
+        limit = self._frame.tolerances.timing.stale_ms
+        total = sum(self._products.values(), np.zeros(4))
+        if total[2] < _FEWEST_MOVING:
+            return []
+        off = _late_ms(total)
+        found = [judged(Aspect.LATENESS, topic, field, abs(off), limit, "ms",
+                        "values are %.1f ms %s than the joints" % (abs(off), "later" if off > 0 else "sooner"))]
+        single = [(_late_ms(some), number) for number, some in self._products.items()
+                  if some[2] >= _FEWEST_MOVING]
+        if len(single) > 1:
+            off, number = max(single, key=lambda one: abs(one[0]))
+            episodes = self._frame.alignment.episodes.get(self._arm, ())
+            at = episodes[max(number - 1, 0)].start if episodes else None
+            found.append(judged(Aspect.LATENESS, topic, " ".join(filter(None, (field, "one motion"))), abs(off),
+                                ONE_MOTION * limit, "ms", "values are %.1f ms %s than the joints in one motion"
+                                % (abs(off), "later" if off > 0 else "sooner"), at))
+        return found
+
+
+def _late_ms(products: Array) -> float:
+    """Return a delay, ms, from sums of off * speed, speed^2, 1 and off^2; 0 where no delay explains what is off."""
+    along, power, _, off = products.tolist()
+    return s_to_ms(along / power) if along * along >= _EXPLAINED * power * off else 0.0
 
 
 class MotionWatch:
@@ -231,6 +320,8 @@ class MotionWatch:
                  convert: Convert = _as_they_are) -> None:
         self._aspect, self._ours, self._theirs, self._frame = aspect, ours, theirs, frame
         self._aligned = _Aligned(ours, theirs, frame, convert)
+        self._staleness: Optional[_Staleness] = None
+        self._stale_name = ""
         self._bad: List[Array] = []
         self.before: List[Check] = []
 
@@ -242,7 +333,13 @@ class MotionWatch:
             self._bad.append(block.time[~good])
         samples = self._aligned.samples(block)
         if samples is not None:
+            if self._staleness is not None:
+                self._staleness.take(samples)
             self._judge(samples)
+
+    def _watch_lateness(self, field: str = "") -> None:
+        self._staleness = _Staleness(arm_of(self._ours.topic, self._frame.arms), self._frame)
+        self._stale_name = field
 
     def _judge(self, samples: _Samples) -> None:
         raise NotImplementedError
@@ -252,7 +349,8 @@ class MotionWatch:
 
     def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         """Return the outcomes, after all windows."""
-        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals))
+        late = [] if self._staleness is None else self._staleness.checks(self._ours.topic, self._stale_name)
+        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals)) + late
 
     def _nan_checks(self) -> List[Check]:
         """Return the checks that the policy for values that are not finite demands."""
@@ -290,10 +388,13 @@ class _JointWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
         super().__init__(Aspect.JOINTS, ours, theirs, frame)
         limits = frame.tolerances.joints
-        self._limits = [limits.per_joint.get(name, limits.position_rad) for name in ours.names]
+        envelopes = [frame.envelope(ours.topic, name) for name in ours.names]
+        self._limits = [_least(envelope, limits.per_joint.get(name, limits.position_rad))
+                        for name, envelope in zip(ours.names, envelopes)]
         self._judges = [_Judge(Aspect.JOINTS, ours.topic, name, limit, "rad", limits.outside_percent, [name],
-                              frame.resolution * limit)
-                        for name, limit in zip(ours.names, self._limits)]
+                              frame.resolution * limit, 1.0, envelope)
+                        for name, limit, envelope in zip(ours.names, self._limits, envelopes)]
+        self._watch_lateness()
 
     def _judge(self, samples: _Samples) -> None:
         for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
@@ -314,13 +415,16 @@ class _PoseWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
         super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
         limits = frame.tolerances.tcp
-        self._limits = mm_to_m(limits.position_mm), limits.orientation_rad
+        place, turn = frame.envelope(ours.topic, "position"), frame.envelope(ours.topic, "orientation")
+        self._limits = (_least(place, mm_to_m(limits.position_mm), m_to_mm(1.0)),
+                        _least(turn, limits.orientation_rad))
         self._enough_chord = 0.5 * frame.resolution * self._limits[1]
         self._placed = _Judge(Aspect.POSITION, ours.topic, "position", self._limits[0], "mm", limits.outside_percent,
-                              ("x", "y", "z"), frame.resolution * self._limits[0], m_to_mm(1.0))
+                              ("x", "y", "z"), frame.resolution * self._limits[0], m_to_mm(1.0), place)
         self._turned = _Judge(Aspect.ORIENTATION, ours.topic, "orientation", self._limits[1], "rad",
                               limits.outside_percent, ("qw", "qx", "qy", "qz"),
-                              float(_angles(np.array(self._enough_chord))))
+                              float(_angles(np.array(self._enough_chord))), 1.0, turn)
+        self._watch_lateness()
         if ours.frames or theirs.frames:
             self.before.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
                                      "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
@@ -342,8 +446,10 @@ class _FieldWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, rule: FieldTolerance, frame: Frame) -> None:
         super().__init__(Aspect.FIELDS, ours, theirs, frame)
         self._rule = rule
-        self._only = _Judge(Aspect.FIELDS, ours.topic, name, rule.absolute, "", 0.0, ours.names,
-                            frame.resolution * rule.absolute)
+        envelope = frame.envelope(ours.topic, name)
+        self._limit = _least(envelope, rule.absolute)
+        self._only = _Judge(Aspect.FIELDS, ours.topic, name, self._limit, "", 0.0, ours.names,
+                            frame.resolution * self._limit, 1.0, envelope)
 
     def _judge(self, samples: _Samples) -> None:
         near, rule = samples.golden_here, self._rule
@@ -353,12 +459,44 @@ class _FieldWatch(MotionWatch):
         off = np.zeros(len(near))
         for column in range(near.shape[1]):
             distance = unwound.columns(slice(column, column + 1)).distances(
-                self._frame.resolution * rule.absolute)
+                self._frame.resolution * self._limit)
             off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
         self._only.take(off, np.zeros(len(off)), samples)
 
     def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         return [self._only.check(residuals)]
+
+
+class _NumbersWatch(MotionWatch):
+    """Numbers without a limit of their own: each column has one that follows from its golden values."""
+
+    def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, limits: NumberLimits, frame: Frame) -> None:
+        super().__init__(Aspect.FIELDS, ours, theirs, frame,
+                         (lambda value, before: continuous(value) if before is None else
+                          continuous(np.concatenate([before[None], value]))[1:]) if limits.is_quaternion
+                         else _as_they_are)
+        self._is_quaternion = limits.is_quaternion
+        names = [name] if len(limits.limits) == 1 else [
+            "%s[%d]" % (name, column) for column in range(len(limits.limits))]
+        envelopes = [frame.envelope(ours.topic, part) for part in names]
+        self._limits = [_least(envelope, float(limit)) for envelope, limit in zip(envelopes, limits.limits)]
+        self._judges = [_Judge(Aspect.FIELDS, ours.topic, part, limit, "", 0.0, ours.names, frame.resolution * limit,
+                               1.0, envelope) for part, limit, envelope in zip(names, self._limits, envelopes)]
+        if is_of_any_speed(name):
+            self._watch_lateness(name)
+
+    def _judge(self, samples: _Samples) -> None:
+        whole = len(samples.value[0])
+        if self._is_quaternion:
+            opposite = np.einsum("ij,ij->i", samples.golden_here, samples.value) < 0
+            samples = samples._replace(value=np.where(opposite[:, None], -samples.value, samples.value))
+        width = whole if self._is_quaternion else 1
+        for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
+            part = samples.columns(slice(column, column + width))
+            judge.take(part.distances(self._frame.resolution * limit), np.zeros(len(part.time)), part)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [judge.check(residuals) for judge in self._judges]
 
 
 def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
@@ -383,14 +521,34 @@ def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Chec
             checks.append(_nothing_common(Aspect.POSITION, topic))
         else:
             watches.append(_PoseWatch(ours, theirs, frame))
-    for topic, fields in golden.fields.items():
-        for name, ours in fields.items():
-            theirs = candidate.fields[topic][name]
-            if len(ours.names) != len(theirs.names):
-                checks.append(equal(Aspect.FIELDS, topic, name, False, "the candidate has another number of values"))
-            else:
-                watches.append(_FieldWatch(ours, theirs, name, frame.tolerances.fields[topic][name], frame))
+    for topic in golden.streams:
+        for name in sorted({*golden.fields.get(topic, ()), *candidate.fields.get(topic, ())}):
+            _add_field(topic, name, golden, candidate, frame, checks, watches)
     return checks, watches
+
+
+def _add_field(topic: str, name: str, golden: Run, candidate: Run, frame: Frame, checks: List[Check],
+               watches: List[MotionWatch]) -> None:
+    """Add the watch of one field of numbers, or the check that it cannot be compared."""
+    tolerances = frame.tolerances
+    rule = tolerances.fields.get(topic, {}).get(name)
+    if rule is None and tolerances.ignores_field(topic, name):
+        return
+    ours, theirs = golden.fields.get(topic, {}).get(name), candidate.fields.get(topic, {}).get(name)
+    if ours is None or theirs is None:
+        checks.append(equal(Aspect.FIELDS, topic, name, False, "only in the %s" % (
+            "candidate" if ours is None else "golden log")))
+    elif len(ours.names) != len(theirs.names):
+        checks.append(equal(Aspect.FIELDS, topic, name, False, "the candidate has another number of values"))
+    elif rule is not None:
+        watches.append(_FieldWatch(ours, theirs, name, rule, frame))
+    elif topic in frame.on_change:
+        pass  # compared as a sequence
+    elif frame.time_scale != 1.0 and not is_of_any_speed(name):
+        checks.append(not_compared(Aspect.FIELDS, topic, name, "numbers may change with speed: the candidate ran %g "
+                                                               "times faster" % frame.time_scale))
+    else:
+        watches.append(_NumbersWatch(ours, theirs, name, number_limits(name, ours, tolerances, False), frame))
 
 
 def _nothing_common(aspect: Aspect, topic: str) -> Check:

@@ -1,29 +1,24 @@
 """Sequences of states: the same ones in the same order, each change in time; brief ones may be missed."""
-from typing import List, NamedTuple, Tuple
+import re
+from functools import partial
+from typing import Callable, List, Tuple
 
 import numpy as np
 
 from ...driver_interface import MotionState
+from ...units import s_to_ms
 from ..matching.alignment import Alignment
 from ..matching.course import Course
-from ..matching.sequences import Entry, pair
-from ..runs.run import Run, Track
+from ..matching.state_pairing import StateRun, are_in_step, pair_states
+from ..runs.run import Run, Track, arm_of
 from ..tolerances import StateTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged
 
 _SHOWN = 12
-
-
-class StateRun(NamedTuple):
-    """A state that lasted from ``start`` to ``end``, s."""
-
-    value: int
-    start: float
-    end: float
-
-    @property
-    def length(self) -> float:
-        return self.end - self.start
+_FEWEST_BEGINS = 2
+_NEAR_S = 0.3
+"""Time within which a state belongs to the begin of a motion, s."""
+_ALARM_NAMES = re.compile(r"alarm|collision|emergency|e_?stop|(^|_)err(or)?(s|_|$)|fault", re.IGNORECASE)
 
 
 def state_runs(track: Track, column: int, until: float) -> List[StateRun]:
@@ -36,17 +31,15 @@ def state_runs(track: Track, column: int, until: float) -> List[StateRun]:
     return [StateRun(int(value[i]), begin, end) for i, begin, end in zip(begins.tolist(), times, times[1:])]
 
 
-def without_brief(runs: List[StateRun], brief_s: float) -> List[StateRun]:
-    """Return the runs longer than ``brief_s``, with equal neighbours joined."""
-    result: List[StateRun] = []
-    for run in runs:
-        if run.length <= brief_s:
-            continue
-        if result and result[-1].value == run.value:
-            result[-1] = StateRun(run.value, result[-1].start, run.end)
-        else:
-            result.append(run)
-    return result
+def is_alarm(field: str, value: int) -> bool:
+    """Return whether a state tells of a fault: it is never excused where the golden log does not have it."""
+    name = field.rsplit(".", 1)[0] if field.endswith(".val") else field
+    name = name.rsplit(".", 1)[-1]
+    if name == "motion_state":
+        return value in (MotionState.EMERGENCY_STOP, MotionState.ERROR)
+    if name in ("power_state", "drives_powered"):
+        return value == 0
+    return _ALARM_NAMES.search(name) is not None and value > 0
 
 
 def state_name(field: str, value: int) -> str:
@@ -71,10 +64,32 @@ def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: 
                                 " ".join(ours.names), " ".join(theirs.names) if theirs else ""))
             continue
         for column, name in enumerate(ours.names):
-            checks += _field_checks(topic, name, state_runs(ours, column, golden.duration),
-                                    state_runs(theirs, column, candidate.duration), alignment.lag, tolerances.states,
-                                    course)
+            runs = in_common(state_runs(ours, column, golden.duration),
+                             state_runs(theirs, column, candidate.duration), alignment.lag)
+            note_lengths(runs, course)
+            checks += field_checks(Aspect.STATES, topic, name, *runs, alignment.lag, tolerances.states,
+                                   partial(state_name, name))
+            if name == "motion_state":
+                checks += _beside_motions(topic, arm_of(topic, golden.arms), runs, alignment, tolerances)
     return checks
+
+
+def note_lengths(runs: Tuple[List[StateRun], List[StateRun]], course: Course) -> None:
+    """Take down in ``course`` which lengths decide whether a run may be missed."""
+    course.brief_state.within(np.array([run.length for part in runs for run in part]))
+    course.edge_state.within(np.array([run.length for part in runs for run in part[:1] + part[-1:]]))
+
+
+def in_common(ours: List[StateRun], theirs: List[StateRun], lag: float) -> Tuple[List[StateRun], List[StateRun]]:
+    """Return the runs of both logs in the time that both cover.
+
+    Both logs say nothing about the time before they begin and after they end.
+    """
+    if not ours or not theirs:
+        return [], []
+    begin = max(ours[0].start, theirs[0].start - lag)
+    end = min(ours[-1].end, theirs[-1].end - lag)
+    return _overlap(ours, begin, end), _overlap(theirs, begin + lag, end + lag)
 
 
 def _overlap(runs: List[StateRun], begin: float, end: float) -> List[StateRun]:
@@ -83,64 +98,77 @@ def _overlap(runs: List[StateRun], begin: float, end: float) -> List[StateRun]:
             if run.end > begin and run.start < end]
 
 
-def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[StateRun], lag: float,
-                  limits: StateTolerance, course: Course) -> List[Check]:
-    # Both logs say nothing about the time before they begin and after they end.
-    begin = max(ours[0].start, theirs[0].start - lag)
-    end = min(ours[-1].end, theirs[-1].end - lag)
-    ours, theirs = _overlap(ours, begin, end), _overlap(theirs, begin + lag, end + lag)
+def field_checks(aspect: Aspect, topic: str, name: str, ours: List[StateRun], theirs: List[StateRun], lag: float,
+                 limits: StateTolerance, name_of: Callable[[int], str]) -> List[Check]:
+    """Check the sequence of one field's values, and when it changes.
+
+    Args:
+        aspect: Aspect of the checks.
+        topic: Topic of the field.
+        name: The field.
+        ours: The golden log's runs.
+        theirs: The candidate's runs.
+        lag: Delay of the candidate's times, s.
+        limits: Tolerances.
+        name_of: Returns a value's name for reports.
+    """
     if not ours or not theirs:
-        return [equal(Aspect.STATES, topic, name, False, "the logs have no time in common")]
-    course.brief_state.within(np.array([run.length for run in ours + theirs]))
-    long_g, long_c = without_brief(ours, limits.brief_s), without_brief(theirs, limits.brief_s)
-    if [run.value for run in long_g] == [run.value for run in long_c]:
-        ours, theirs = long_g, long_c
-    course.edge_state.within(np.array([run.length for runs in (ours, theirs) for run in runs[:1] + runs[-1:]]))
+        return [equal(aspect, topic, name, False, "the logs have no time in common")]
     alone: List[Tuple[StateRun, float, str]] = []
-    late: List[Tuple[float, StateRun]] = []
-    for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
-        if i is not None and j is not None:
-            if i > 0 and j > 0:
-                late.append((theirs[j].start - lag - ours[i].start, ours[i]))
-        elif i is not None and not _may_miss(ours, i, limits):
-            alone.append((ours[i], ours[i].start, "is missing"))
-        elif j is not None and not _may_miss(theirs, j, limits):
-            alone.append((theirs[j], theirs[j].start - lag, "is new"))
-    if alone:
-        run, at, words = alone[0]
-        checks = [equal(Aspect.STATES, topic, name, False, "%s for %.2f s %s" % (
-            state_name(name, run.value), run.length, words), at, _words(name, ours), _words(name, theirs))]
+    if are_in_step(ours, theirs, lag, limits.timing_s):
+        pairs = [(i, i) for i in range(len(ours))]
     else:
-        checks = [equal(Aspect.STATES, topic, name, True, "%d changes: %s" % (len(theirs) - 1, _words(name, theirs)))]
+        known = {run.value for run in ours}
+        may_miss = [_is_brief(ours, i, limits) for i in range(len(ours))]
+        may_be_new = [_is_brief(theirs, j, limits) and run.value in known and not is_alarm(name, run.value)
+                      for j, run in enumerate(theirs)]
+        found = pair_states(ours, theirs, lag, may_miss, may_be_new, limits.timing_s)
+        pairs = found.pairs
+        alone = [(ours[i], ours[i].start, "is missing") for i in found.missing]
+        alone += [(theirs[j], theirs[j].start - lag, "is new") for j in found.new]
+    late = [(theirs[j].start - lag - ours[i].start, ours[i]) for i, j in pairs if i > 0 and j > 0]
+    if alone:
+        run, at, words = min(alone, key=lambda entry: entry[1])
+        checks = [equal(aspect, topic, name, False, "%s for %.2f s %s" % (name_of(run.value), run.length, words), at,
+                        _words(name_of, ours), _words(name_of, theirs))]
+    else:
+        checks = [equal(aspect, topic, name, True, "%d changes: %s" % (len(theirs) - 1, _words(name_of, theirs)))]
     if late:
         off, changed = max(late, key=lambda entry: abs(entry[0]))
-        checks.append(judged(Aspect.STATES, topic, name + " timing", abs(off), limits.timing_s, "s",
-                             "the change to %s comes %.3f s %s" % (state_name(name, changed.value), abs(off),
+        checks.append(judged(aspect, topic, name + " timing", abs(off), limits.timing_s, "s",
+                             "the change to %s comes %.3f s %s" % (name_of(changed.value), abs(off),
                                                                    "later" if off > 0 else "sooner"), changed.start))
     return checks
 
 
-def _weight(runs: List[StateRun], i: int, limits: StateTolerance) -> float:
-    """Return the cost of leaving a run alone: little for one that may be missed.
+def _beside_motions(topic: str, arm: str, runs: Tuple[List[StateRun], List[StateRun]], alignment: Alignment,
+                    tolerances: Tolerances) -> List[Check]:
+    """Check that the begin of each motion is as near to the state that tells of it as in the golden log."""
+    brief_s = tolerances.states.brief_s
+    begins = [[run.start for run in some[1:] if run.value == MotionState.RUNNING and run.length > brief_s]
+              for some in runs]
+    found: List[Tuple[float, float]] = []
+    for episode in alignment.episodes.get(arm, ()):
+        near = [min(((abs(start - at), start - at) for start in starts), default=(np.inf, np.inf))
+                for starts, at in zip(begins, (episode.start, episode.start + episode.lag))]
+        if episode.is_alike and max(near)[0] <= _NEAR_S:
+            found.append((near[1][1] - near[0][1], episode.start))
+    if len(found) < _FEWEST_BEGINS:
+        return []
+    off = float(np.median([entry[0] for entry in found]))
+    return [judged(Aspect.LATENESS, topic, "motion_state", s_to_ms(abs(off)), tolerances.timing.stale_ms, "ms",
+                   "the state of %d motions comes %.1f ms %s beside the joints" % (
+                       len(found), s_to_ms(abs(off)), "later" if off > 0 else "sooner"), found[0][1])]
+
+
+def _is_brief(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
+    """Return whether a run may be missed.
 
     At the edges a run may be cut short: whether it is there at all then depends on when the recording began.
     """
     may_last = max(limits.brief_s, limits.timing_s) if i in (0, len(runs) - 1) else limits.brief_s
-    return 0.01 if runs[i].length <= may_last else 1.0
+    return runs[i].length <= may_last
 
 
-def _entries(runs: List[StateRun], limits: StateTolerance) -> List[Entry]:
-    return [Entry(run.value, run.start, _weight(runs, i, limits)) for i, run in enumerate(runs)]
-
-
-def _may_miss(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
-    """Return whether the other log may lack a run: one brief, short at an edge, or next to a brief one."""
-    if _weight(runs, i, limits) < 1.0:
-        return True
-    # the other log missed the brief run between two equal ones: one of the two then has no partner
-    return any(0 <= k < len(runs) and 0 <= 2 * k - i < len(runs) and runs[2 * k - i].value == runs[i].value
-               and runs[k].length <= limits.brief_s for k in (i - 1, i + 1))
-
-
-def _words(name: str, runs: List[StateRun]) -> str:
-    return ", ".join(state_name(name, run.value) for run in runs[:_SHOWN]) + (", ..." if len(runs) > _SHOWN else "")
+def _words(name_of: Callable[[int], str], runs: List[StateRun]) -> str:
+    return ", ".join(name_of(run.value) for run in runs[:_SHOWN]) + (", ..." if len(runs) > _SHOWN else "")

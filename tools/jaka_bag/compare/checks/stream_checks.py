@@ -2,7 +2,7 @@
 import bisect
 import itertools
 import math
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from ..runs.run import Arrivals, Run, Stream
 from ..tolerances import StreamTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged, not_compared
 
-_PERIODIC_COUNT = 10
-_PERIODIC_S = 2.0
+_FEWEST = 2
 _LAST = np.array([-1])
 _OTHER_GAP_S = 10.0
+_SLOW_HZ = 20.0
+_ROUNDING_S = 1e-6
 
 
 class StreamWatch:
@@ -33,12 +34,11 @@ class StreamWatch:
     def __init__(self, stream: Stream, begin: float, end: float, gap_s: float) -> None:
         self.stream = stream
         self._begin, self._end, self._gap_s = begin, end, gap_s
-        self._last: Optional[Arrivals] = None
         self._last_common: Optional[Arrivals] = None
-        self._small_steps = 0
         self._last_sequence: Optional[int] = None
         self._is_counted = False
         self._lost = 0
+        self._first = 0.0
         self.count = 0
         self.intervals = Quantiles()
         self.gaps: List[Tuple[float, float]] = []
@@ -53,13 +53,10 @@ class StreamWatch:
         arrivals = self.stream.between(begin, end)
         if not len(arrivals.log_time):
             return
-        time = arrivals.log_time if self._last is None else np.append(self._last.log_time, arrivals.log_time)
-        self._small_steps += int((np.diff(time) < _PERIODIC_S).sum())
         if arrivals.sequence is not None:
             self._count_lost(arrivals.sequence)
-        self._last = arrivals.some(_LAST)
-        first, last = np.searchsorted(arrivals.log_time, (self._begin, self._end))
-        part = slice(int(first), int(last))
+        part = slice(int(np.searchsorted(arrivals.log_time, self._begin - _ROUNDING_S)),
+                     int(np.searchsorted(arrivals.log_time, self._end + _ROUNDING_S, "right")))
         common = arrivals.some(part)
         if len(common.log_time):
             self._take_common(common)
@@ -72,6 +69,8 @@ class StreamWatch:
         self._last_sequence = int(sequence[-1])
 
     def _take_common(self, common: Arrivals) -> None:
+        if not self.count:
+            self._first = float(common.log_time[0])
         self.count += len(common.log_time)
         before = self._last_common
         time = common.log_time if before is None else np.append(before.log_time, common.log_time)
@@ -94,10 +93,16 @@ class StreamWatch:
             at = int(np.argmin(steps))
             self.farthest_back = (float(steps[at]), float(time[at + 1]))
 
-    @property
-    def is_periodic(self) -> bool:
-        """True where the topic is published again and again, so that it has a rate."""
-        return len(self.stream) >= _PERIODIC_COUNT and 2 * self._small_steps > len(self.stream) - 1
+    def finish(self) -> None:
+        """Add the silences at both ends of the span; call it once, after the last message."""
+        if self._last_common is None:
+            return
+        last = float(self._last_common.log_time[0])
+        for longest, gaps in ((self._gap_s, self.gaps), (0.5 * self._gap_s, self.near_gaps)):
+            if self._first - self._begin > longest:
+                gaps.insert(0, (self._begin, self._first - self._begin))
+            if self._end - last > longest:
+                gaps.append((last, self._end - last))
 
     @property
     def lost(self) -> Optional[int]:
@@ -154,20 +159,30 @@ def stream_watches(golden: Run, candidate: Run, alignment: Alignment, tolerances
 
 
 def stream_checks(golden: Dict[str, StreamWatch], candidate: Dict[str, StreamWatch], alignment: Alignment,
-                  tolerances: Tolerances, time_scale: float) -> List[Check]:
-    """Check counts, rates, jitter, gaps, lost messages and stamps of topics that both logs have, after all messages."""
+                  tolerances: Tolerances, time_scale: float, on_change: Mapping[str, int],
+                  own: FrozenSet[str]) -> List[Check]:
+    """Check rates, jitter, gaps, lost messages and stamps of topics that both logs have, after all messages.
+
+    Topics in ``on_change``, with the number of messages by which each may differ, have no rate: their order and
+    contents are compared elsewhere, but for those in ``own``, whose messages are counted.
+    """
     limits = tolerances.streams
     checks: List[Check] = []
     for topic, ours in golden.items():
         both = _Common(ours, candidate[topic])
-        if not both.golden.is_periodic:
-            checks.append(_count_check(both, limits))
+        if topic in on_change:
+            if topic in own:
+                checks.append(_count_check(both, limits, on_change[topic]))
+            if both.golden.stream.is_stamped and both.candidate.stream.is_stamped:
+                checks.append(_order_check(both, alignment.lag))
             continue
+        for watch in both:
+            watch.finish()
         if time_scale != 1.0:
             checks.append(not_compared(Aspect.RATES, topic, "", "rates do not scale: the candidate ran %g times faster"
                                        % time_scale))
             continue
-        if min(both.golden.count, both.candidate.count) < _PERIODIC_COUNT:
+        if min(both.golden.count, both.candidate.count) < _FEWEST:
             checks.append(equal(Aspect.COUNTS, topic, "", False, "hardly any message while the other log runs",
                                 golden="%d messages" % both.golden.count,
                                 candidate="%d messages" % both.candidate.count))
@@ -178,9 +193,9 @@ def stream_checks(golden: Dict[str, StreamWatch], candidate: Dict[str, StreamWat
     return checks
 
 
-def _count_check(both: _Common, limits: StreamTolerance) -> Check:
+def _count_check(both: _Common, limits: StreamTolerance, slack: int) -> Check:
     ours, theirs = len(both.golden.stream), len(both.candidate.stream)
-    off = 100.0 * abs(theirs - ours) / max(ours, 1)
+    off = 100.0 * max(abs(theirs - ours) - slack, 0) / max(ours, 1)
     return judged(Aspect.COUNTS, both.golden.stream.topic, "", off, limits.count_percent, "%",
                   "%d messages, %d in the golden log" % (theirs, ours), golden=str(ours), candidate=str(theirs))
 
@@ -197,11 +212,13 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
     topic = both.golden.stream.topic
     rate_g, jitter_g = _rate_and_jitter(both.golden.intervals)
     rate_c, jitter_c = _rate_and_jitter(both.candidate.intervals)
+    # a slow topic is also published at once when something changes: the interval before that has any length
+    allowed = limits.jitter_ms + (s_to_ms(1.0 / rate_g) if 0.0 < rate_g < _SLOW_HZ else 0.0)
     off = 100.0 * abs(rate_c - rate_g) / max(rate_g, 1e-9)
     checks = [
         judged(Aspect.RATES, topic, "", off, limits.rate_percent, "%", "%.2f Hz, %.2f Hz in the golden log"
                % (rate_c, rate_g), golden="%.2f Hz" % rate_g, candidate="%.2f Hz" % rate_c),
-        judged(Aspect.JITTER, topic, "", s_to_ms(max(jitter_c - jitter_g, 0.0)), limits.jitter_ms, "ms",
+        judged(Aspect.JITTER, topic, "", s_to_ms(max(jitter_c - jitter_g, 0.0)), allowed, "ms",
                "99 %% of the intervals are within %.1f ms of their mean, %.1f ms in the golden log"
                % (s_to_ms(jitter_c), s_to_ms(jitter_g)),
                golden="%.1f ms" % s_to_ms(jitter_g), candidate="%.1f ms" % s_to_ms(jitter_c))]
@@ -252,10 +269,11 @@ def _lost_checks(both: _Common, limits: StreamTolerance) -> List[Check]:
 
 def _stamp_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Check]:
     topic = both.golden.stream.topic
-    if not both.golden.stream.is_stamped:
+    if not (both.golden.stream.is_stamped or both.candidate.stream.is_stamped):
         return []
-    if not both.candidate.stream.is_stamped:
-        return [equal(Aspect.STAMPS, topic, "header.stamp", False, "the candidate's messages are not stamped")]
+    if not (both.golden.stream.is_stamped and both.candidate.stream.is_stamped):
+        which = "candidate's" if both.golden.stream.is_stamped else "golden log's"
+        return [equal(Aspect.STAMPS, topic, "header.stamp", False, "the %s messages are not stamped" % which)]
     median_g, median_c = (watch.latency.median() for watch in both)
     checks = [judged(Aspect.STAMPS, topic, "latency", s_to_ms(abs(median_c - median_g)), limits.latency_ms, "ms",
                      "median of log time - header.stamp is %.1f ms, %.1f ms in the golden log"
@@ -265,9 +283,11 @@ def _stamp_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Ch
     checks.append(judged(Aspect.STAMPS, topic, "repeated", max(repeated_c - repeated_g, 0.0), limits.repeated_percent,
                          "%", "%.1f %% of the messages repeat the stamp before, %.1f %% in the golden log"
                          % (repeated_c, repeated_g), golden="%.1f %%" % repeated_g, candidate="%.1f %%" % repeated_c))
+    return checks + [_order_check(both, lag)]
+
+
+def _order_check(both: _Common, lag: float) -> Check:
     backwards_g, backwards_c = (watch.backwards for watch in both)
     at = both.candidate.farthest_back[1] - lag if backwards_c else None
-    checks.append(equal(Aspect.STAMPS, topic, "order", backwards_c <= backwards_g,
-                        "%d stamps are older than the one before" % backwards_c, at,
-                        str(backwards_g), str(backwards_c)))
-    return checks
+    return equal(Aspect.STAMPS, both.golden.stream.topic, "order", backwards_c <= backwards_g,
+                 "%d stamps are older than the one before" % backwards_c, at, str(backwards_g), str(backwards_c))

@@ -27,8 +27,27 @@ def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: 
         checks.append(judged(Aspect.TIMING, arm, "motions", abs(off), limits.event_s, "s",
                              "%d motions; the one at %.2f s comes %.3f s %s than the others"
                              % (len(alike), late.start, abs(off), "later" if off > 0 else "sooner"), late.start))
+        checks += wait_checks(arm, "waits", [(episode.start, episode.lag, "the motion") for episode in alike], limits)
         checks += _pace_checks(arm, alike, cuts.get(arm, []), tolerances)
     return checks
+
+
+def wait_checks(topic: str, field: str, events: Sequence[Tuple[float, float, str]],
+                limits: TimingTolerance) -> List[Check]:
+    """Check the times from event to event.
+
+    Args:
+        topic: Topic or arm of the checks.
+        field: Their field.
+        events: Golden time and the candidate's lag, s, and name of each event, by golden time.
+        limits: Tolerances.
+    """
+    if len(events) < 2:
+        return []
+    off, at, words = max(((after[1] - before[1], after[0], after[2]) for before, after in zip(events, events[1:])),
+                         key=lambda entry: abs(entry[0]))
+    return [judged(Aspect.TIMING, topic, field, abs(off), limits.wait_s, "s", "%s at %.2f s comes %.3f s %s after the "
+                   "one before than in the golden log" % (words, at, abs(off), "later" if off > 0 else "sooner"), at)]
 
 
 def allowed_pace(span: float, limits: TimingTolerance) -> float:

@@ -10,11 +10,10 @@ _REPLACE_COST = 2.0
 
 
 class Entry(NamedTuple):
-    """One entry: equal keys may be paired; ``time`` in s; leaving it alone costs ``weight``."""
+    """One entry: equal keys may be paired; ``time`` in s."""
 
     key: Hashable
     time: float
-    weight: float = 1.0
 
 
 class Pair(NamedTuple):
@@ -66,19 +65,18 @@ def _pair_exactly(golden: Sequence[Entry], candidate: Sequence[Entry], lag: floa
     late = np.abs(np.array([e.time for e in candidate])[None, :] - np.array([e.time for e in golden])[:, None] - lag)
     match = np.where(key_g[:, None] == key_c[None, :], 0.5 * np.minimum(late / _FAR_S, 1.0), _REPLACE_COST * 2)
     match_rows = match.tolist()
-    skip_c = [entry.weight for entry in candidate]
     cost = [[0.0] * (columns + 1) for _ in range(rows + 1)]
     for j in range(columns):
-        cost[0][j + 1] = cost[0][j] + skip_c[j]
+        cost[0][j + 1] = cost[0][j] + 1.0
     for i in range(rows):
-        above, here, matches, skip_g = cost[i], cost[i + 1], match_rows[i], golden[i].weight
-        here[0] = left = above[0] + skip_g
+        above, here, matches = cost[i], cost[i + 1], match_rows[i]
+        here[0] = left = above[0] + 1.0
         for j in range(columns):
             best = above[j] + matches[j]
-            if above[j + 1] + skip_g < best:
-                best = above[j + 1] + skip_g
-            if left + skip_c[j] < best:
-                best = left + skip_c[j]
+            if above[j + 1] + 1.0 < best:
+                best = above[j + 1] + 1.0
+            if left + 1.0 < best:
+                best = left + 1.0
             here[j + 1] = left = best
     result: List[Pair] = []
     i, j = rows, columns
@@ -86,7 +84,7 @@ def _pair_exactly(golden: Sequence[Entry], candidate: Sequence[Entry], lag: floa
         if i and j and key_g[i - 1] == key_c[j - 1] and cost[i][j] == cost[i - 1][j - 1] + match_rows[i - 1][j - 1]:
             i, j = i - 1, j - 1
             result.append(Pair(offset + i, offset + j))
-        elif i and cost[i][j] == cost[i - 1][j] + golden[i - 1].weight:
+        elif i and cost[i][j] == cost[i - 1][j] + 1.0:
             i -= 1
             result.append(Pair(offset + i, None))
         else:

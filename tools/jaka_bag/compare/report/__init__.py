@@ -6,4 +6,5 @@ svg        small diagrams as SVG text
 warping    dynamic time warping, only to be drawn
 pictures   overlays of both runs, differences, time lines
 html       one page that needs no network and no scripts
+failure    the same files for a run that could not be compared
 """

@@ -6,7 +6,7 @@ from typing import Iterable, List, Sequence, Tuple
 from ..tolerances import Tolerances, as_yaml
 from ..verdict import Check, Comparison, Outcome
 from .pictures import Figure, Pictures
-from .text import headline
+from .text import beginning_words, headline
 
 _STYLE = """
 :root{--page:#f6f7f9;--card:#fff;--text:#1b2330;--faint:#5b6675;--rule:#d7dce3;--golden:#e0a000;--candidate:#1d4fd7;
@@ -139,9 +139,8 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
               % (alignment.lag, alignment.method))]
     if comparison.time_scale != 1.0:
         facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
-    first = comparison.first_divergence
-    if first is not None:
-        facts.append(("first divergence", "%s at %.3f s" % (first.name, first.at or 0.0)))
+    if comparison.beginning is not None:
+        facts.append(("it begins with", beginning_words(comparison.beginning, len(comparison.differences) - 1)))
     worst = comparison.worst_first
     cards = "".join(_difference(check, pictures.moment(check) if number < _MOST_PICTURES else [])
                     for number, check in enumerate(worst))

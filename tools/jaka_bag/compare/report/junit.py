@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 from ..verdict import Comparison, Outcome
 from .text import check_line, headline
 
-_SUITE = "jaka_bag.compare"
+SUITE = "jaka_bag.compare"
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -52,4 +52,4 @@ def as_junit(comparison: Comparison) -> str:
         elif check.outcome is Outcome.NOT_COMPARED:
             case = case._replace(outcome="skipped", message=check.detail)
         cases.append(case)
-    return junit(_SUITE, cases, headline(comparison))
+    return junit(SUITE, cases, headline(comparison))

@@ -119,8 +119,7 @@ class Pictures:
         line = Line("difference", residual.time, residual.off) if x_range is None \
             else _line("difference", residual.near_time, residual.near_off)
         return chart("How far off", "Distance of both runs, less what jitter and stops allow; the stripe is allowed.",
-                     [line], x_range or self.range, residual.unit, 92, mark,
-                     (0.0, residual.limit))
+                     [line], x_range or self.range, residual.unit, 92, mark, envelope=residual.envelope)
 
     # --- overviews ---------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from ...messages.batch import Array
+from ..tolerances import Envelope
 
 WIDTH = 960
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 14, 8, 26
@@ -137,7 +138,7 @@ def _number(value: float) -> str:
 
 def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[float, float], unit: str,
           height: float = 150, mark: Optional[float] = None, band: Optional[Tuple[float, float]] = None,
-          least: float = 0.0, x_unit: str = "s") -> str:
+          least: float = 0.0, x_unit: str = "s", envelope: Envelope = ()) -> str:
     """Draw curves over time, or over the quantity with the unit ``x_unit``.
 
     Args:
@@ -151,16 +152,22 @@ def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[fl
         band: Values that are allowed, from and to: drawn as a stripe.
         least: The vertical axis spans at least this.
         x_unit: Unit of the horizontal axis.
+        envelope: Values that are allowed, from 0 to a limit that changes along the horizontal axis; likewise.
     """
     low, high = x_range
+    bands = [] if band is None else [(low, high, band)]
+    starts = [low, *[start for start, _ in envelope[1:]], high]
+    bands += [(max(begin, low), min(end, high), (0.0, limit))
+              for begin, end, (_, limit) in zip(starts, starts[1:], envelope) if begin < high and end > low]
     bottom, right = height - _BOTTOM, WIDTH - _RIGHT
     y_low, y_high = _limits([line.y[(line.x >= low) & (line.x <= high)] for line in lines], least)
-    if band is not None:
-        y_low, y_high = min(y_low, 1.25 * band[0]), max(y_high, 1.25 * band[1])
+    for _, _, (least_allowed, most_allowed) in bands:
+        y_low, y_high = min(y_low, 1.25 * least_allowed), max(y_high, 1.25 * most_allowed)
     picture = _Picture(title, description, (WIDTH, height), (_LEFT, right, _TOP, bottom), x_range, (y_low, y_high))
-    if band is not None:
-        picture.parts.append('<rect class="band" x="%d" y="%.1f" width="%d" height="%.1f"/>' % (
-            _LEFT, picture.y(band[1]), right - _LEFT, (band[1] - band[0]) * picture.y_scale))
+    for begin, end, (least_allowed, most_allowed) in bands:
+        picture.parts.append('<rect class="band" x="%.1f" y="%.1f" width="%.1f" height="%.1f"/>' % (
+            picture.x(begin), picture.y(most_allowed), picture.x(end) - picture.x(begin),
+            (most_allowed - least_allowed) * picture.y_scale))
     picture.grid(10, max(3, int(height / 30)))
     picture.text("tick", WIDTH - 2, bottom + 15, x_unit, "end")
     picture.text("unit", 4, _TOP + 10, unit)

@@ -29,20 +29,41 @@ def headline(comparison: Comparison) -> str:
         dict.fromkeys(check.aspect.value for check in different)))
 
 
+def beginning_words(check: Check, further: int) -> str:
+    """Return the difference that a comparison's others may follow from, in one line.
+
+    Args:
+        check: That difference.
+        further: The number of the others.
+    """
+    words = "%s: %s" % (check.name, check.detail)
+    if " at %.2f s" % (check.at or 0.0) not in words:
+        words += " at %.2f s" % (check.at or 0.0)
+    return words + ("; %d further %s" % (further, "difference" if further == 1 else "differences") if further else "")
+
+
+def coverage_line(comparison: Comparison) -> str:
+    """Return how much of both logs was compared, and what was not, in one line."""
+    compared = sum(check.outcome is not Outcome.NOT_COMPARED for check in comparison.checks)
+    return "%d checks; %s" % (compared, comparison.coverage.words)
+
+
 def as_text(comparison: Comparison, verbose: bool = False) -> str:
-    """Return the verdict, the differences with the worst first, and the first divergence; ``verbose``: every check."""
+    """Return the differences, the worst first, the one that they begin with, and the verdict; ``verbose``: every check.
+
+    The last line tells how much was compared.
+    """
     lines = ["golden:    %s" % comparison.golden.path, "candidate: %s" % comparison.candidate.path]
     if comparison.time_scale != 1.0:
         lines.append("the candidate ran %g times faster" % comparison.time_scale)
     shown = list(comparison.checks) if verbose else comparison.worst_first
     lines += [check_line(check) for check in shown]
-    first = comparison.first_divergence
-    if first is not None:
-        lines.append("first divergence: %s at %.3f s of the golden log" % (first.name, first.at or 0.0))
+    if comparison.beginning is not None:
+        lines.append("it begins with: " + beginning_words(comparison.beginning, len(comparison.differences) - 1))
     skipped = sum(check.outcome is Outcome.NOT_COMPARED for check in comparison.checks)
     if skipped and not verbose:
         lines.append("%d checks were not compared (--verbose tells why)" % skipped)
-    return "\n".join(lines + [headline(comparison)])
+    return "\n".join(lines + [headline(comparison), coverage_line(comparison)])
 
 
 def _finite(value: Optional[float]) -> Any:
@@ -60,7 +81,7 @@ def check_data(check: Check) -> Dict[str, Any]:
 def as_data(comparison: Comparison) -> Dict[str, Any]:
     """Return the whole result as plain data, for JSON."""
     alignment = comparison.alignment
-    first = comparison.first_divergence
+    first, beginning = comparison.first_divergence, comparison.beginning
     episodes: List[Dict[str, Any]] = [
         {"arm": episode.arm, "start_s": episode.start, "end_s": episode.end, "lag_s": episode.lag,
          "pace": episode.pace, "is_alike": episode.is_alike}
@@ -68,6 +89,9 @@ def as_data(comparison: Comparison) -> Dict[str, Any]:
     return {"format": FORMAT_VERSION, "same": comparison.same, "summary": headline(comparison),
             "golden": comparison.golden.path, "candidate": comparison.candidate.path,
             "time_scale": comparison.time_scale,
+            "coverage": {"topics": comparison.coverage.topics, "fields": comparison.coverage.fields, "not_compared": [
+                gap._asdict() for gap in comparison.coverage.gaps]},
             "alignment": {"lag_s": alignment.lag, "method": alignment.method, "motions": episodes},
             "first_divergence": None if first is None else check_data(first),
+            "beginning": None if beginning is None else check_data(beginning),
             "checks": [check_data(check) for check in comparison.checks]}

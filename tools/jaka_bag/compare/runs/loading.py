@@ -1,4 +1,4 @@
-"""The loader of a log into a ``Run``: topics of the driver's interface by type, of all others only the times.
+"""The loader of a log into a ``Run``: topics of the driver's interface by type, all other fields by their types.
 
 A log is read once from begin to end. Facts found on the way (which topics are stamped, how many values an array usually
 has, how close samples lie) are needed from the first message on: they are taken from the first part of the log, and the
@@ -13,15 +13,17 @@ from ...containers.contract import LogReader
 from ...containers.index import ChunkRef
 from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
-from ...errors import BagError
+from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, distinct
 from ...messages.columns import Columns, Part, columns_of
+from ...messages.definitions import types_of
 from ...messages.selection import Selection
 from ...operations.columns import ColumnReader, chunk_groups
 from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
 from ...paths import PathLike
 from ...units import NS_PER_S
 from ..tolerances import Tolerances
+from .contents import AGE, NUMBERS, TRANSFORM_TYPES, Collector, Splitter, by_bytes
 from .run import Arrivals, Call, LongTrack, Run, Stream, Track
 from .track_facts import FactsBuilder, StateChanges
 from .windows import LogWindows, Rows, TrackKey, samples_of
@@ -98,6 +100,7 @@ class _Scan:
         self.lengths: Dict[TrackKey, Dict[int, int]] = {}
         self.frames: Dict[str, Set[str]] = {}
         self.calls: List[Call] = []
+        self.contents: Dict[str, Collector] = {}
         self.facts: Dict[TrackKey, FactsBuilder] = {}
         self.states: Dict[str, StateChanges] = {}
         self.last: Dict[TrackKey, float] = {}
@@ -106,7 +109,7 @@ class _Scan:
 
 class _Loader:
     def __init__(self, reader: LogReader, tolerances: Tolerances, time_scale: float,
-                 kept_bytes: Optional[int]) -> None:
+                 kept_bytes: Optional[int], with_contents: bool) -> None:
         index = reader.index
         if index.start_time is None or index.end_time is None:
             raise BagError("%s has no messages" % reader.path)
@@ -119,12 +122,15 @@ class _Loader:
         for number, connection in enumerate(reader.connections):
             if index.counts[number] and not tolerances.ignores(connection.topic):
                 self._types.setdefault(connection.topic, set()).add((connection.datatype, connection.md5sum))
+        self._with_contents = with_contents
         decoded = [topic for topic in self._types if self._is_decoded(topic)]
         self._columns = ColumnReader(reader, Selection(topics=decoded)) if decoded else None
         self._decoded = {number for number, c in enumerate(reader.connections) if c.topic in decoded}
         self._timed = {number: c.topic for number, c in enumerate(reader.connections)
                        if c.topic in self._types and c.topic not in decoded}
         self._fields: Dict[str, Container[str]] = {}
+        self._splitters: Dict[str, Splitter] = {topic: Splitter() for topic in self._types} if with_contents else {}
+        self._leaf_types: Dict[str, Dict[str, str]] = {}
         for topic in decoded:
             self._restrict(topic)
         self._names: Dict[str, Tuple[str, ...]] = {}
@@ -140,7 +146,21 @@ class _Loader:
         return not chunk.counts or any(number in self._decoded or number in self._timed for number in chunk.counts)
 
     def _is_decoded(self, topic: str) -> bool:
-        return topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kind(topic) is not None
+        if topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kind(topic) is not None:
+            return True
+        return self._with_contents and len(self._types[topic]) == 1 and self._is_understood(topic)
+
+    def _is_understood(self, topic: str) -> bool:
+        """Return whether the fields of a topic's messages are known."""
+        try:
+            for connection in self._reader.connections:
+                if connection.topic == topic:
+                    types_of(connection)
+                    if connection.encoding != "ros1":
+                        return False
+        except DefinitionError:
+            return False
+        return True
 
     def _kind(self, topic: str) -> Optional[str]:
         """Return the type of a topic whose purpose is known; None for others."""
@@ -153,6 +173,8 @@ class _Loader:
 
     def _restrict(self, topic: str) -> None:
         """Decode no more of a topic than is needed, where that is known."""
+        if self._with_contents:
+            return
         kind = self._kind(topic) or ""
         some = ("position", "name") if kind == JOINT_STATE else POSE_FIELDS.get(kind)
         if some is not None:
@@ -183,6 +205,18 @@ class _Loader:
             rows[topic] = Rows(Arrivals(seconds), seconds, {})
         return rows
 
+    def _take_bytes(self, chunk: ChunkRef) -> None:
+        """Add to the scan the messages of a chunk whose fields are not known, by their bytes."""
+        batch = self._reader.load(chunk)
+        for number in distinct(batch.connection).tolist():
+            if number in self._timed:
+                some = batch.take(batch.connection == number)
+                payloads = [batch.data[at:at + size].tobytes()
+                            for at, size in zip(some.start.tolist(), some.length.tolist())]
+                assert self._scan is not None
+                self._scan.contents.setdefault(self._timed[number], Collector()).add(
+                    self._seconds(some.log_time), by_bytes(payloads))
+
     def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, Part], Dict[str, Array]]:
         decoded: Dict[str, Part] = {}
         timed: Dict[str, List[Array]] = {}
@@ -190,6 +224,8 @@ class _Loader:
         if self._columns is not None and any(number in self._decoded for number in numbers):
             decoded = self._columns.parts(chunk, self._fields)
         if any(number in self._timed for number in numbers):
+            if self._with_contents and self._scan is not None:
+                self._take_bytes(chunk)
             connection, log_time = self._reader.load_times(chunk)
             for number in distinct(connection).tolist():
                 if number in self._timed:
@@ -221,7 +257,8 @@ class _Loader:
             values[""] = self._array((topic, ""), fields["position"])
             if topic not in self._names:
                 self._names[topic] = tuple(_joint_names(columns, values[""][0].shape[1]))
-                self._fields[topic] = {*_HEADER_FIELDS, "position", *self._tolerances.fields.get(topic, ())}
+                if not self._with_contents:
+                    self._fields[topic] = {*_HEADER_FIELDS, "position", *self._tolerances.fields.get(topic, ())}
         elif kind in _POSE_PARTS:
             poses = tool_poses(columns)
             if poses is not None:
@@ -236,7 +273,38 @@ class _Loader:
             self._names[topic] = tuple(names)
         elif kind == CALL_TYPE and scan is not None:
             scan.calls += self._calls(topic, columns, log_time if stamp is None else stamp)
+        if self._with_contents:
+            self._add_contents(topic, columns, log_time if stamp is None else stamp, values)
         return Rows(arrivals, log_time if stamp is None else stamp, values)
+
+    def _add_contents(self, topic: str, columns: Columns, time: Array,
+                      values: Dict[str, Tuple[Array, Optional[Array]]]) -> None:
+        """Add the numbers of fields that nothing else compares to ``values``, the other fields to the scan."""
+        kind, reader = self._kind(topic), self._columns
+        assert reader is not None
+        types = self._leaf_types.setdefault(topic, {})
+        for name in columns.fields:
+            if name not in types:
+                types[name] = reader.leaf(topic, name).type
+        known = dict.fromkeys(self._tolerances.fields.get(topic, ()), NUMBERS)
+        if kind == CALL_TYPE:
+            known.update((name, "" if name == "caller" else "calls") for name in columns.fields)
+        elif kind == JOINT_STATE:
+            known["position"] = "joints"
+        elif kind in STATE_TYPES:
+            known.update(dict.fromkeys(self._names[topic], "states"))
+        elif kind in _POSE_PARTS and "" in values:
+            known.update(dict.fromkeys((*POSE_FIELDS[kind], "header.frame_id"), "tool poses"))
+        if kind == CALL_TYPE:
+            columns = columns._replace(fields={})
+        split = self._splitters[topic].split(columns, types, known)
+        if kind == CALL_TYPE:
+            split = split._replace(handled=known)
+        for name, (value, which) in split.numbers.items():
+            values[name] = (value, which)
+            self._assumed.lengths.setdefault((topic, name), value.shape[1])
+        if self._scan is not None:
+            self._scan.contents.setdefault(topic, Collector()).add(time, split)
 
     def _array(self, key: TrackKey, column: Array) -> Tuple[Array, Optional[Array]]:
         value, rows, lengths = _matrix(column, self._assumed.lengths.get(key))
@@ -273,12 +341,16 @@ class _Loader:
             if self._is_as_assumed(scan):
                 break
         self._scan = None
-        for topic in self._fields:
+        for topic in self._fields if not self._with_contents else ():
             kind = self._kind(topic)
             if kind in POSE_FIELDS:
                 self._fields[topic] = {*_HEADER_FIELDS, *POSE_FIELDS[kind], *self._tolerances.fields.get(topic, ())}
+        if self._with_contents:
+            self._restrict_to_tracks(scan)
         windows = self._windows.windows()
-        run = Run(self._reader.path, self._start_ns, self._duration, windows=windows,
+        ignored = {connection.topic for number, connection in enumerate(self._reader.connections)
+                   if self._reader.index.counts[number] and self._tolerances.ignores(connection.topic)}
+        run = Run(self._reader.path, self._start_ns, self._duration, windows=windows, ignored=tuple(sorted(ignored)),
                   calls=tuple(sorted(scan.calls, key=lambda call: call.start)))
         for topic, types in self._types.items():
             run.streams[topic] = Stream(topic, tuple(sorted(types)), scan.counts.get(topic, 0),
@@ -292,10 +364,24 @@ class _Loader:
                 run.poses[topic] = self._long_track(scan, (topic, ""), tuple(sorted(scan.frames[topic])))
             elif kind == JOINT_STATE and self._assumed.lengths[topic, ""]:
                 run.joints[topic] = self._long_track(scan, (topic, ""))
-            further = self._tolerances.fields.get(topic)
-            if further and self._is_decoded(topic):
-                run.fields[topic] = {name: self._long_track(scan, (topic, name)) for name in further}
+            further = {name for place, name in {*scan.facts, *scan.unordered} if place == topic and name}
+            further.update(self._tolerances.fields.get(topic, ()) if self._is_decoded(topic) else ())
+            if further:
+                run.fields[topic] = {name: self._long_track(scan, (topic, name)) for name in sorted(further)}
+            if topic in scan.contents:
+                run.contents[topic] = scan.contents[topic].contents(self._splitters[topic])
         return run
+
+    def _restrict_to_tracks(self, scan: _Scan) -> None:
+        """Decode only fields that are read again: those of tracks."""
+        for topic, handled in ((topic, some.handled) for topic, some in scan.contents.items()):
+            if self._columns is None or topic not in self._columns.connections:
+                continue
+            if self._columns.connections[topic].datatype in TRANSFORM_TYPES:
+                continue
+            again = [name for name, how in handled.items()
+                     if how in ("joints", "tool poses", "states", "calls", NUMBERS, AGE)]
+            self._fields[topic] = {*_HEADER_FIELDS, *self._tolerances.fields.get(topic, ()), *again}
 
     @property
     def needs_file(self) -> bool:
@@ -381,7 +467,7 @@ class _Loader:
 
 
 def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,
-             kept_bytes: Optional[int] = None) -> Run:
+             kept_bytes: Optional[int] = None, with_contents: bool = True) -> Run:
     """Read a log; the file stays open, until the run is forgotten, where the log is too long to be kept in memory.
 
     Args:
@@ -389,6 +475,8 @@ def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale
         tolerances: Topics to leave out, and further fields that are wanted.
         time_scale: The log ran this many times faster than the one it is compared with.
         kept_bytes: Decoded messages are kept up to this size; None for 64 MB.
+        with_contents: Read every field of every topic; a comparison needs them. Without them only joints, poses, states
+            and calls are read, and of other topics the times.
 
     Raises:
         BagError: It cannot be read, has no messages, or lacks a field that the tolerances name.
@@ -397,7 +485,7 @@ def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale
     """
     reader = open_log(path)
     try:
-        loader = _Loader(reader, tolerances or Tolerances(), time_scale, kept_bytes)
+        loader = _Loader(reader, tolerances or Tolerances(), time_scale, kept_bytes, with_contents)
         run = loader.load()
     except BaseException:
         reader.close()

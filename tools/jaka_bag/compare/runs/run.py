@@ -8,6 +8,7 @@ from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequenc
 import numpy as np
 
 from ...messages.batch import Array
+from .call_text import as_typed
 
 Window = Tuple[float, float]
 """Time span from a time, s, up to but without another."""
@@ -171,6 +172,31 @@ class LongTrack:
         return result
 
 
+class Contents(NamedTuple):
+    """One topic's fields as sequences of values, and how each field of its type is compared.
+
+    Attributes:
+        names: Fields that are sequences of values, one a column.
+        time: header.stamp where there is one, else log time, of the messages before and behind each change; s,
+            shape (n,), ascending.
+        value: Whole numbers, or keys of other values, int64, shape (n, len(names)).
+        labels: Readable values by field and key, of those that are no whole numbers.
+        repeats: Messages with the contents of the message before.
+        handled: How each field is compared, by field; of a field that is not, an empty text.
+    """
+
+    names: Tuple[str, ...]
+    time: Array
+    value: Array
+    labels: Dict[str, Dict[int, str]]
+    repeats: int
+    handled: Dict[str, str]
+
+    def track(self, topic: str) -> Track:
+        """Return the sequences as a track."""
+        return Track(topic, self.names, self.time, self.value)
+
+
 class Call(NamedTuple):
     """One service call that a driver served.
 
@@ -215,7 +241,7 @@ class Call(NamedTuple):
     @property
     def words(self) -> str:
         """Name and request in one line."""
-        request = " ".join(self.request_text.split())
+        request = " ".join(as_typed(self.request_text).split())
         return "%s(%s)" % (self.short_name, request if len(request) <= 160 else request[:157] + "...")
 
 
@@ -232,7 +258,9 @@ class Run:
         poses: Tool poses, m and rotation vectors in rad, by topic; six columns.
         states: Whole numbers that stand for states, by topic; only the samples at which one changes, the first and
             the last.
-        fields: Further numeric fields, by topic and field path.
+        fields: Numeric fields beyond joints and poses, by topic and field path.
+        contents: Fields as sequences of values, by topic.
+        ignored: Topics that the tolerances leave out.
         calls: Calls by time of arrival.
         windows: Windows of log time that hold all messages, each a bounded number of them.
     """
@@ -245,6 +273,8 @@ class Run:
     poses: Dict[str, LongTrack] = field(default_factory=dict)
     states: Dict[str, Track] = field(default_factory=dict)
     fields: Dict[str, Dict[str, LongTrack]] = field(default_factory=dict)
+    contents: Dict[str, Contents] = field(default_factory=dict)
+    ignored: Tuple[str, ...] = ()
     calls: Tuple[Call, ...] = ()
     windows: Tuple[Window, ...] = ()
 

@@ -110,7 +110,7 @@ class FactsBuilder:
         self._first, self._last = min(self._first, float(time[0])), float(time[-1])
         self._all_steps.add(steps)
         self._steps.add(steps[steps > _LEAST_STEP_S])
-        if not self._is_arm:
+        if not self._is_arm or not value.shape[1]:  # a JointState of velocities or efforts alone
             return
         if self._spans is None:
             if self.used_reach is None:

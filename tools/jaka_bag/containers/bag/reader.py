@@ -9,12 +9,12 @@ from typing import Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, Rows, windows
+from ...messages.batch import Array, MessageBatch, RowStore, windows
 from ...messages.connection import Connection
 from ...units import NS_PER_S
 from .. import contract
 from ..compression import decompress
-from ..contract import LogReader, Parsed
+from ..contract import LogReader, ParsedChunk
 from ..index import Buffer, ChunkRef, read_at
 from . import records as fmt
 
@@ -75,9 +75,9 @@ def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": _HEAD})
 
 
-def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
+def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> ParsedChunk:
     """Read the records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
-    rows = Rows(has_publish=False)
+    rows = RowStore(has_publish=False)
     connections: Dict[int, Connection] = {}
     at = begin
     stop = len(raw) if end is None else end
@@ -94,10 +94,10 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
         except BagFormatError:
             break
         at = record.end
-    return Parsed(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
+    return ParsedChunk(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
 
 
-def parse_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
+def parse_chunk(raw: Buffer, offset: Optional[Array]) -> ParsedChunk:
     """Return the records of a bag chunk; see ``contract.parse_chunk``."""
     return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
 

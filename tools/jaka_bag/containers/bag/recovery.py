@@ -5,7 +5,7 @@ from typing import Generator, Iterator, List, Optional, Tuple
 from ...errors import BagFormatError
 from ...messages.batch import Array, MessageBatch, concatenate
 from ..compression import decompress
-from ..contract import Parsed
+from ..contract import ParsedChunk
 from ..index import Buffer, ChunkHead, read_at
 from ..recovery import LogRecovery, Stretch
 from . import records as fmt
@@ -134,7 +134,7 @@ class BagRecovery(LogRecovery):
             at += _WINDOW - 2 * _LONGEST_CHUNK_HEADER
         return stop
 
-    def _stretch(self, begin: int, parsed: Parsed, end: int) -> Stretch:
+    def _stretch(self, begin: int, parsed: ParsedChunk, end: int) -> Stretch:
         self.learn(parsed.connections)
         return Stretch(begin, end, parsed.batch)
 
@@ -179,7 +179,7 @@ class BagRecovery(LogRecovery):
     def _is_record_or_end(self, at: int) -> bool:
         return at == self.size or fmt.try_record_at(read_at(self.descriptor, at, 4096)) is not None
 
-    def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> Parsed:
+    def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> ParsedChunk:
         """Return all messages of a whole chunk, or those that are left of it."""
         end = at + head.data_start + head.data_size
         try:
@@ -225,7 +225,7 @@ class BagRecovery(LogRecovery):
         return self.size
 
 
-def _around_damage(raw: bytes) -> Tuple[Parsed, int]:
+def _around_damage(raw: bytes) -> Tuple[ParsedChunk, int]:
     """Return the whole records of a damaged chunk, and the number of bytes that were skipped."""
     parts: List[MessageBatch] = []
     connections = {}
@@ -237,4 +237,4 @@ def _around_damage(raw: bytes) -> Tuple[Parsed, int]:
         again = _next_message(raw, parsed.consumed + 1) if parsed.consumed < len(raw) else len(raw)
         skipped += again - parsed.consumed
         at = again
-    return Parsed(concatenate(parts), connections, len(raw)), skipped
+    return ParsedChunk(concatenate(parts), connections, len(raw)), skipped

@@ -8,7 +8,7 @@ from typing import BinaryIO, Counter, Dict, Iterator, List, NamedTuple, Optional
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, Rows
+from ...messages.batch import Array, MessageBatch, RowStore
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
@@ -66,7 +66,7 @@ class _Walk:
         first = fmt.try_record_at(raw)
         if first is not None and first.end > len(raw) and begin + first.end <= stop:
             raw = read_at(self._descriptor, begin, first.end)  # one message is larger than the window
-        rows, at = Rows(has_publish=False), 0
+        rows, at = RowStore(has_publish=False), 0
         while at < len(raw):
             record = fmt.try_record_at(raw, at)
             if record is None or record.end > len(raw) or not _OP_DEFINITION <= record.kind <= _OP_INDEX:

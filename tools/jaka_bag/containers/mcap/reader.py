@@ -9,11 +9,11 @@ from typing import Dict, List, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, Rows, windows
+from ...messages.batch import Array, MessageBatch, RowStore, windows
 from ...messages.connection import Connection
 from .. import contract
 from ..compression import decompress
-from ..contract import LogReader, Parsed
+from ..contract import LogReader, ParsedChunk
 from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex, read_at
 from . import records as fmt
 
@@ -37,7 +37,8 @@ def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
                  heads["publish_time"].astype(np.uint64).view(np.int64), heads["sequence"].astype(np.uint32))
 
 
-def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = None, is_loose: bool = False) -> Parsed:
+def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = None,
+         is_loose: bool = False) -> ParsedChunk:
     """Read the records of an MCAP chunk's bytes, one by one, up to the first that is damaged or cut off.
 
     Args:
@@ -47,7 +48,7 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
         end: Byte to stop at; None for the end.
         is_loose: The bytes are not a chunk's but the file's own: stop at a record that belongs in no chunk.
     """
-    rows = Rows(has_publish=True)
+    rows = RowStore(has_publish=True)
     connections: Dict[int, Connection] = {}
     at = begin
     for opcode, body, body_end in fmt.records_in(raw, begin, end):
@@ -66,10 +67,10 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
         except BagFormatError:
             break
         at = body_end
-    return Parsed(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
+    return ParsedChunk(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
 
 
-def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> Parsed:
+def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> ParsedChunk:
     """Return the records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
     return contract.parse_chunk(raw, offset, _regular_mcap, lambda begin, end: scan(raw, schemas, begin, end))
 

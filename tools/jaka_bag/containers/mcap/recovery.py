@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import BagFormatError
 from ...paths import PathLike
 from ..compression import decompress
-from ..contract import Parsed
+from ..contract import ParsedChunk
 from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
 from ..recovery import LogRecovery, Stretch, chunk_of
 from . import records as fmt
@@ -68,7 +68,7 @@ class McapRecovery(LogRecovery):
             yield Stretch(at, end, parsed.batch, opcode != fmt.CHUNK)
             at = end
 
-    def _loose(self, at: int) -> Tuple[Parsed, int]:
+    def _loose(self, at: int) -> Tuple[ParsedChunk, int]:
         """Return loose records from a position on, and their end."""
         length = max(_LOOSE_WINDOW, self._record_end(at) - at)
         parsed = scan(read_at(self.descriptor, at, length), self._schemas, is_loose=True)
@@ -139,7 +139,7 @@ class McapRecovery(LogRecovery):
             at += _WINDOW - 128
         return stop
 
-    def _chunk(self, at: int) -> Tuple[Parsed, int]:
+    def _chunk(self, at: int) -> Tuple[ParsedChunk, int]:
         """Return the messages of the chunk at a position, or those left of it, and the start of the next record."""
         head = fmt.parse_chunk_head(read_at(self.descriptor, at, 256))
         end = at + head.end

@@ -6,7 +6,7 @@ _BINS_PER_OCTAVE = 8
 _BINS = 40 * _BINS_PER_OCTAVE
 
 
-class Lateness:
+class LatencyHistogram:
     """Distribution of durations from 1 us up; quantiles are right within 10 %.
 
     Attributes:
@@ -27,7 +27,7 @@ class Lateness:
         micro = value_s * 1e6
         self._bins[int(math.log2(micro + 1.0) * _BINS_PER_OCTAVE) if micro > 0 else 0] += 1
 
-    def merge(self, other: "Lateness") -> None:
+    def merge(self, other: "LatencyHistogram") -> None:
         """Take all values of another."""
         self._bins = [a + b for a, b in zip(self._bins, other._bins)]
         self.count += other.count

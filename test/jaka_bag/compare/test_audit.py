@@ -1,0 +1,60 @@
+"""The audit of golden logs: what is planted is found, and what the tolerances let through is named."""
+import pytest
+from content_logs import TOPICS
+from import_graph import ROOT
+
+from jaka_bag.cli.main import main
+from jaka_bag.compare.audit.auditing import DEFECTS, REASONS, audit
+from jaka_bag.compare.tolerances import parse_tolerances
+from jaka_bag.errors import DefinitionError
+from jaka_bag.messages.value_writer import ValueWriter, exact_time
+from jaka_bag.messages.values import ValueReader
+
+GOLDEN = ROOT / "test" / "data" / "golden"
+
+
+@pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.mcap")), ids=lambda path: path.stem)
+def test_at_most_two_defects_of_a_golden_log_are_missed_and_their_reasons_are_known(path):
+    findings = audit(path)
+    missed = {finding.defect for finding in findings if finding.is_missed}
+    assert len(missed) <= 2 and missed <= set(REASONS), missed
+    assert len(findings) == len(DEFECTS) >= 60
+    assert sum(finding.is_planted for finding in findings) >= (35 if path.stem in ("boot", "io_sequence") else 60)
+
+
+def test_wider_tolerances_miss_more(capsys, tmp_path):
+    wide = tmp_path / "wide.yaml"
+    wide.write_text("tcp: {position_mm: 5}\ntiming: {stale_ms: 200}\nstreams: {latency_ms: 500}\n")
+    assert main(["compare", "--audit", str(GOLDEN / "joint_moves.mcap"), "--tolerances", str(wide)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    missed = {line.partition("  ")[0] for line in lines if "MISSED" in line}
+    assert {"tool: x off by 1 mm", "tool: 96 ms stale", "stamps: 50 ms old"} <= missed
+    assert "tool: mm for m" not in missed
+    assert lines[-1].startswith("%d of 64 defects would be missed: tool: x off by 1 mm, " % len(missed))
+
+
+def test_a_log_without_misses_ends_with_0_and_a_candidate_is_too_much(capsys):
+    path = str(GOLDEN / "boot.mcap")
+    assert main(["compare", "--audit", "-q", path]) == 0
+    assert capsys.readouterr().out.startswith("0 of 39 defects would be missed; ")
+    assert main(["compare", "--audit", path, path]) == 2
+
+
+def test_the_audit_takes_the_tolerances_that_it_is_given():
+    ignoring = parse_tolerances("ignore_topics: ['.*/tool_position']")
+    findings = audit(GOLDEN / "boot.mcap", ignoring)
+    assert {finding.defect for finding in findings if finding.is_missed} >= {"tool: mm for m", "tool: other frame"}
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.connection.topic)
+def test_a_message_is_written_as_it_was_read(topic):
+    raw = ValueWriter(topic.connection).write(topic.value(1.5, 3))
+    value = ValueReader(topic.connection, exact_time, "surrogateescape").read(raw)
+    assert ValueWriter(topic.connection).write(value) == raw
+
+
+def test_a_value_that_does_not_fit_is_refused():
+    level = next(topic for topic in TOPICS if topic.connection.topic == "/cell/level")
+    for value in ({}, {"data": "x"}, {"data": None}):
+        with pytest.raises(DefinitionError, match="does not fit its field"):
+            ValueWriter(level.connection).write(value)

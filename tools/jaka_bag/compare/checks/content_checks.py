@@ -1,0 +1,263 @@
+"""Contents of messages: discrete fields, texts and arrays as sequences; topics on change by order and content."""
+import math
+import re
+from dataclasses import replace
+from functools import partial
+from typing import Callable, Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from ...messages.batch import Array
+from ...units import mm_to_m, ms_to_s
+from ..matching.alignment import Alignment
+from ..matching.course import Course
+from ..matching.curve_distance import distances
+from ..runs.contents import AGE, QUATERNION
+from ..runs.run import Contents, LongTrack, Run, Stream, Track
+from ..tolerances import ContentTolerance, StateTolerance, Tolerances
+from ..verdict import Aspect, Check, equal, judged
+from .state_checks import field_checks, in_common, note_lengths, state_runs
+
+_PLACES = re.compile(r"(.*[. ])?(position|translation)(\.[xyz])?")
+_JOINTS = re.compile(r"(.*\.)?positions")
+_FEWEST_PERIODIC = 10
+_FAST_HZ = 20.0
+_STEADY_SHARE = 0.6
+_COUNTER_SHARE, _FEWEST_COUNTED = 0.3, 20
+_MOST_NOISE = 0.5
+_NO_NUMBER = -1
+_NEW_LEVEL = 1 << 32
+
+
+def messages_more_or_less(stream: Stream, duration: float, gap_s: float) -> Optional[int]:
+    """Return by how many messages a topic may differ that has no rate; None where it has one.
+
+    A topic has no rate where it is published when something changes, or so slowly that its steps are gaps.
+
+    Args:
+        stream: The golden topic.
+        duration: Length of its log, s.
+        gap_s: A longer silence is a gap.
+    """
+    if len(stream) > _FAST_HZ * duration and len(stream) >= _FEWEST_PERIODIC:
+        return None
+    steps = np.diff(stream.between(-np.inf, np.inf).log_time)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    is_steady = len(steps) > 1 and float(((steps > 0.5 * usual) & (steps < 1.5 * usual)).mean()) >= _STEADY_SHARE
+    if not is_steady:
+        return 0
+    return 1 if len(stream) < _FEWEST_PERIODIC or usual > 0.5 * gap_s else None
+
+
+def is_of_any_speed(name: str) -> bool:
+    """Return whether a number does not depend on the speed at which a simulated arm ran."""
+    return name.endswith(QUATERNION) or _PLACES.fullmatch(name) is not None or _JOINTS.fullmatch(name) is not None
+
+
+class NumberLimits(NamedTuple):
+    """The limits of one field's numbers: one a column, or one for the distance of quaternions."""
+
+    limits: Array
+    is_quaternion: bool
+
+
+def fixed_limit(name: str, tolerances: Tolerances) -> Optional[float]:
+    """Return the limit of a field that does not depend on its golden values; None where it does."""
+    if name.endswith(QUATERNION):
+        return 0.5 * tolerances.tcp.orientation_rad
+    if name.endswith(AGE):
+        return ms_to_s(tolerances.timing.jitter_ms)
+    if _PLACES.fullmatch(name):
+        return mm_to_m(tolerances.tcp.position_mm)
+    return tolerances.joints.position_rad if _JOINTS.fullmatch(name) else None
+
+
+def number_limits(name: str, track: LongTrack, tolerances: Tolerances, is_sequence: bool) -> NumberLimits:
+    """Return the limits of a field.
+
+    Args:
+        name: The field.
+        track: Its golden values.
+        tolerances: Limits for deviations.
+        is_sequence: Each value is a step of its own, so that steps are no noise.
+    """
+    columns = len(track.names)
+    fixed = fixed_limit(name, tolerances)
+    if fixed is not None:
+        is_quaternion = name.endswith(QUATERNION)
+        return NumberLimits(np.full(1 if is_quaternion else columns, fixed), is_quaternion)
+    low, high, noise = np.full(columns, np.inf), np.full(columns, -np.inf), np.zeros(columns)
+    for block in track.blocks():
+        value = block.finite().value
+        if len(value):
+            low, high = np.minimum(low, value.min(axis=0)), np.maximum(high, value.max(axis=0))
+        if len(value) > 1:
+            noise = np.maximum(noise, np.median(np.abs(np.diff(value, axis=0)), axis=0))
+    span = np.where(high >= low, high - low, 0.0)
+    largest = np.where(high >= low, np.maximum(np.abs(low), np.abs(high)), 0.0)
+    limits = tolerances.contents
+    steps = np.zeros(columns) if is_sequence else np.minimum(limits.noise * noise, _MOST_NOISE * span)
+    return NumberLimits(np.maximum(steps, _share_of(span, largest, limits)), False)
+
+
+def _share_of(span: Array, largest: Array, limits: ContentTolerance) -> Array:
+    """Return the limits of numbers by their golden range and largest amount."""
+    shares: Array = np.maximum.reduce([0.01 * limits.range_percent * span, 0.01 * limits.value_percent * largest,
+                                       np.full(np.shape(span), limits.absolute)])
+    return shares
+
+
+def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
+                   on_change: Mapping[str, int], own: FrozenSet[str], course: Course) -> List[Check]:
+    """Check all fields that are sequences of values, and all of the topics that are published on change.
+
+    Args:
+        golden: The golden log.
+        candidate: The candidate, with the same topics and types.
+        alignment: Alignment of both logs.
+        tolerances: Limits for deviations.
+        on_change: Topics without a rate, and by how many messages each may differ.
+        own: Topics of joints, poses and states.
+        course: Takes down decisions about the lengths of values.
+    """
+    checks: List[Check] = []
+    for topic, ours in golden.contents.items():
+        theirs = candidate.contents.get(topic)
+        if theirs is None:
+            continue
+        limits = tolerances.states
+        if topic in on_change:
+            limits = replace(limits, brief_s=ms_to_s(tolerances.contents.brief_ms))
+            if topic not in own:
+                longer = abs(candidate.duration - golden.duration) / max(golden.duration, 1e-9)
+                slack = on_change[topic] + math.ceil(longer * ours.repeats)
+                checks.append(_repeat_check(topic, ours, theirs, len(golden.streams[topic]), slack, tolerances))
+        spans = (golden.duration, candidate.duration)
+        for name in dict.fromkeys(ours.names + theirs.names):
+            if tolerances.ignores_field(topic, name):
+                continue
+            if name not in ours.names or name not in theirs.names:
+                if len(ours.time) and len(theirs.time):
+                    checks.append(equal(Aspect.CONTENTS, topic, name, False, "only one of the logs has such a field"))
+                continue
+            checks += _sequence_checks(topic, name, ours, theirs, alignment.lag, spans, limits, tolerances,
+                                       len(golden.streams[topic]), course)
+    for topic in on_change:
+        checks += _number_sequences(golden, candidate, topic, alignment, tolerances)
+    return checks
+
+
+def _repeat_check(topic: str, ours: Contents, theirs: Contents, count: int, slack: int,
+                  tolerances: Tolerances) -> Check:
+    """Check that messages on change repeat the one before them as often, but for ``slack`` where they do so."""
+    off = 100.0 * max(abs(theirs.repeats - ours.repeats) - (slack if ours.repeats else 0), 0) / max(count, 1)
+    return judged(Aspect.COUNTS, topic, "repeated", off, tolerances.streams.count_percent, "%",
+                  "%d messages repeat the one before, %d in the golden log" % (theirs.repeats, ours.repeats),
+                  golden=str(ours.repeats), candidate=str(theirs.repeats))
+
+
+def _name_of(ours: Dict[int, str], theirs: Dict[int, str], value: int) -> str:
+    return ours.get(value) or theirs.get(value) or str(value)
+
+
+def _sequence_checks(topic: str, name: str, ours: Contents, theirs: Contents, lag: float, spans: Tuple[float, float],
+                     limits: StateTolerance, tolerances: Tolerances, count: int, course: Course) -> List[Check]:
+    tracks = [some.track(topic) for some in (ours, theirs)]
+    columns = [some.names.index(name) for some in (ours, theirs)]
+    changes = int((np.diff(tracks[0].value[:, columns[0]]) != 0).sum())
+    if changes > max(_COUNTER_SHARE * count, _FEWEST_COUNTED) and name not in ours.labels:
+        return [_counter_check(topic, name, tracks, columns, lag, tolerances)]
+    golden, candidate = (state_runs(track, column, until) for track, column, until in zip(tracks, columns, spans))
+    runs = in_common(golden, candidate, lag)
+    note_lengths(runs, course)
+    return field_checks(Aspect.CONTENTS, topic, name, *runs, lag, limits,
+                        partial(_name_of, ours.labels.get(name, {}), theirs.labels.get(name, {})))
+
+
+def _counter_check(topic: str, name: str, tracks: List[Track], columns: List[int], lag: float,
+                   tolerances: Tolerances) -> Check:
+    """Check whole numbers that change all the time as a curve."""
+    (time, value), (at, seen) = [(track.time, track.value[:, [column]].astype(float))
+                                 for track, column in zip(tracks, columns)]
+    inside = (at - lag >= time[0]) & (at - lag <= time[-1])
+    at, seen = at[inside] - lag, seen[inside]
+    if not len(at):
+        return equal(Aspect.CONTENTS, topic, name, False, "the logs have no time in common")
+    allowed = float(_share_of(np.ptp(value), np.abs(value).max(), tolerances.contents))
+    direct = np.abs(seen[:, 0] - np.interp(at, time, value[:, 0]))
+    off = distances(time, value, at, seen, direct, np.full(len(at), ms_to_s(tolerances.timing.jitter_ms)), 0.0)
+    worst = int(np.argmax(off))
+    return judged(Aspect.CONTENTS, topic, name, float(off[worst]), allowed, "", "at most %.4g off" % off[worst],
+                  float(at[worst]), candidate="%.6g" % seen[worst, 0])
+
+
+def _number_sequences(golden: Run, candidate: Run, topic: str, alignment: Alignment,
+                      tolerances: Tolerances) -> List[Check]:
+    """Check the numbers of a topic on change as sequences of values that are the same within their limits."""
+    checks: List[Check] = []
+    limits = replace(tolerances.states, brief_s=ms_to_s(tolerances.contents.brief_ms))
+    fields = golden.fields.get(topic, {}), candidate.fields.get(topic, {})
+    for name, ours in fields[0].items():
+        theirs = fields[1].get(name)
+        if not is_number_sequence(topic, name, tolerances) or theirs is None or len(ours.names) != len(theirs.names):
+            continue  # what is in one log only is told by ``motion_watches``
+        tracks = [_whole(track, name) for track in (ours, theirs)]
+        allowed = number_limits(name, ours, tolerances, True).limits
+        for column in range(len(ours.names)):
+            limit = float(allowed[min(column, len(allowed) - 1)])
+            keys, name_of = _levels(tracks[0].value[:, column], tracks[1].value[:, column], limit)
+            some, others = (state_runs(replace(track, value=key[:, None]), 0, until) for track, key, until in zip(
+                tracks, keys, (golden.duration, candidate.duration)))
+            runs = in_common(some, others, alignment.lag)
+            part = name if len(ours.names) == 1 else "%s[%d]" % (name, column)
+            checks += field_checks(Aspect.CONTENTS, topic, part, *runs, alignment.lag, limits, name_of)
+    return checks
+
+
+def is_number_sequence(topic: str, name: str, tolerances: Tolerances) -> bool:
+    """Return whether a number of a topic on change is compared as a sequence."""
+    return (not name.endswith(AGE) and name not in tolerances.fields.get(topic, ())
+            and not tolerances.ignores_field(topic, name))
+
+
+def _whole(track: LongTrack, name: str) -> Track:
+    blocks = list(track.blocks())
+    time = np.concatenate([np.zeros(0)] + [block.time for block in blocks])
+    value = np.concatenate([np.zeros((0, len(track.names)))] + [block.value for block in blocks])
+    if name.endswith(QUATERNION):
+        value = np.where(value[:, 3:4] < 0, -value, value)
+    return Track(track.topic, track.names, time, value)
+
+
+def _levels(ours: Array, theirs: Array, limit: float) -> Tuple[Tuple[Array, Array], Callable[[int], str]]:
+    """Return both sequences as numbers of levels: golden values within the limit of each other are one level.
+
+    The candidate's values beyond the limit of every golden level are levels of their own.
+    """
+    finite = np.unique(ours[np.isfinite(ours)])
+    levels: List[float] = []
+    for value in finite.tolist():
+        if not levels or value - levels[-1] > limit:
+            levels.append(value)
+    known = np.array(levels)
+    own = np.unique(theirs[np.isfinite(theirs)])
+    names: Dict[int, str] = {_NO_NUMBER: "nan"}
+
+    def keyed(values: Array) -> Array:
+        keys = np.full(len(values), _NO_NUMBER, np.int64)
+        for i, value in enumerate(values.tolist()):
+            if not np.isfinite(value):
+                continue
+            below = int(np.searchsorted(known, value, "right")) - 1
+            if below >= 0 and value - known[below] <= limit:
+                keys[i] = below
+            elif below + 1 < len(known) and known[below + 1] - value <= limit:
+                keys[i] = below + 1
+            elif below >= 0 and value - known[below] <= 2.0 * limit:
+                keys[i] = below
+            else:
+                keys[i] = _NEW_LEVEL + int(np.searchsorted(own, value))
+            names.setdefault(int(keys[i]), "%.6g" % value)
+        return keys
+
+    return (keyed(ours), keyed(theirs)), lambda key: names.get(key, str(key))
