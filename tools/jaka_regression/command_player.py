@@ -1,12 +1,11 @@
-"""The replay of recorded service calls: on time, in threads where they overlap, until the first unforeseen refusal."""
+"""The replay of recorded calls and messages: on time, overlapping as they did, until an unforeseen refusal."""
 import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
-from jaka_bag.compare.runs.run import Call
-
 from .attended import ReplayStopped, attended
 from .command_schedule import Planned, due
+from .driver_inputs import Input
 
 _POLL_S = 0.02
 _PATIENCE = 5.0
@@ -25,6 +24,11 @@ class Reply(NamedTuple):
     text: str
 
 
+def longest_wait(call: Input) -> float:
+    """Return how long to wait for the end of a call or goal that is made again, s."""
+    return _PATIENCE * call.duration + _PATIENCE_S
+
+
 class CommandPlayer:
     """A player of a plan's calls.
 
@@ -40,7 +44,7 @@ class CommandPlayer:
         lateness: Time by which each call was made later than due, s.
     """
 
-    def __init__(self, planned: Sequence[Planned], perform: Callable[[Call], Reply],
+    def __init__(self, planned: Sequence[Planned], perform: Callable[[Input], Reply],
                  notice: Callable[[Planned, float, Optional[Reply]], None], after_previous: bool = False,
                  cancelled: Optional[threading.Event] = None) -> None:
         self._planned = planned
@@ -80,7 +84,7 @@ class CommandPlayer:
                 self._finish(entry)
             self._check()
         for number, thread in threads.items():
-            thread.join(_PATIENCE * self._planned[number].call.duration + _PATIENCE_S)
+            thread.join(longest_wait(self._planned[number].call))
             if thread.is_alive():
                 raise ReplayStopped("%s was not answered" % self._planned[number].call.words)
         self._check()

@@ -1,7 +1,7 @@
 """The schedule of replayed service calls: at the recorded time, never before what a call followed has ended."""
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-from jaka_bag.compare.runs.run import Call
+from .driver_inputs import Input, SentMessage
 
 _SETTLE_S = 0.1
 """The pause between the end of a call and the next one is kept up to this length, even when the first takes longer."""
@@ -12,7 +12,7 @@ class Planned(NamedTuple):
     """One call of the plan.
 
     Attributes:
-        call: Call as recorded.
+        call: Call or message as recorded.
         number: Position in the plan.
         offset: Time at which it was made, s since the plan's beginning.
         after: The calls whose ends it follows, and how long after each end it comes at least, s.
@@ -20,7 +20,7 @@ class Planned(NamedTuple):
         is_overlapped: True if another call is made while this one is running.
     """
 
-    call: Call
+    call: Input
     number: int
     offset: float
     after: Tuple[Tuple[int, float], ...]
@@ -28,11 +28,11 @@ class Planned(NamedTuple):
     is_overlapped: bool
 
 
-def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> List[Planned]:
-    """Plan a log's calls.
+def plan(calls: Sequence[Input], stretch: float = 1.0, start: float = 0.0) -> List[Planned]:
+    """Plan a log's calls and messages.
 
     Args:
-        calls: Calls by time of arrival.
+        calls: Calls and messages by time of arrival.
         stretch: Times are so many times longer than recorded.
         start: Log time that the plan begins at, s.
     """
@@ -50,9 +50,11 @@ def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> Lis
     return result
 
 
-def _pause(before: Call, call: Call) -> float:
+def _pause(before: Input, call: Input) -> float:
     """Return the shortest pause between the end of a call and another one, s; a stream that is late catches up."""
     if before.short_name in STREAM_SERVICES and call.short_name in STREAM_SERVICES:
+        return 0.0
+    if isinstance(before, SentMessage) and isinstance(call, SentMessage) and not before.duration:
         return 0.0
     return min(call.start - before.end, _SETTLE_S)
 

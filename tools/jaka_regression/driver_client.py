@@ -6,18 +6,21 @@ import threading
 import time
 from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, TypeVar
 
-import roslib.message as untyped_roslib
-import rospy as untyped_rospy
+import numpy as np
+import rospy
+from roslib import message as roslib_message
 
 from jaka_bag.compare.runs.run import Call
+from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.errors import BagError
+from jaka_bag.operations.tool_poses import rotation_vectors
+from jaka_bag.units import mm_to_m
 
 from .attended import ReplayStopped, attended
 from .command_player import Reply
 from .command_schedule import STREAM_SERVICES
+from .preconditions import TOLD, ToolPlace, conditions_in
 
-rospy: Any = untyped_rospy
-roslib_message: Any = untyped_roslib
 _STOP_S = 5.0
 """A driver answers stop_move in some ms; one that hangs never does."""
 _SCALED_FIELDS = {"joint_move": ("mvvelo",), "linear_move": ("mvvelo",), "jog": ("mvvelo", "mvacc")}
@@ -25,11 +28,11 @@ _SCALED_FIELDS = {"joint_move": ("mvvelo",), "linear_move": ("mvvelo",), "jog": 
 T = TypeVar("T")
 
 
-class RawMessage(untyped_rospy.AnyMsg):
+class RawMessage(rospy.AnyMsg):
     """The bytes of a request or response, whatever their type."""
 
     def __init__(self, raw: bytes = b"") -> None:
-        super().__init__()  # type: ignore[no-untyped-call]
+        super().__init__()
         self._buff = raw
 
 
@@ -86,6 +89,16 @@ def _installed(kind: str, name: str) -> Any:
     if found is None:
         raise BagError("the %s type %s is not installed" % (kind, name))
     return found
+
+
+def _six_numbers(message: Any) -> Tuple[float, ...]:
+    """Return the pose of a message of ``tool_position``, as logs have it (``operations.tool_poses``)."""
+    if hasattr(message, "twist"):
+        linear, angular = message.twist.linear, message.twist.angular
+        return (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+    position, turn = message.pose.position, message.pose.orientation
+    vector = rotation_vectors(np.array([[turn.x, turn.y, turn.z, turn.w]]))[0]
+    return (*[mm_to_m(value) for value in (position.x, position.y, position.z)], *vector.tolist())
 
 
 class DriverClient:
@@ -173,6 +186,40 @@ class DriverClient:
         except rospy.ROSException as error:
             raise DriverNotThere("nothing is published on %s" % topic) from error
         return tuple(message.position)
+
+    def conditions(self, node: str, timeout_s: float) -> Dict[str, str]:
+        """Return what a driver's diagnostics tell of the conditions of a call; nothing where none come in time.
+
+        Raises:
+            ReplayStopped: Cancelled meanwhile.
+        """
+        kind = _installed("message", DIAGNOSTICS_TYPE)
+        end = time.monotonic() + timeout_s
+        found: Dict[str, str] = {}
+        while len(found) < len(TOLD) and time.monotonic() < end:
+            try:
+                message = self.unless_cancelled(lambda: rospy.wait_for_message(
+                    "/diagnostics", kind, max(0.1, end - time.monotonic())))
+            except rospy.ROSException:
+                return found
+            found.update(conditions_in([(status.name, {pair.key: pair.value for pair in status.values})
+                                        for status in message.status], node))
+        return found
+
+    def place(self, joint_topic: str, tool_topic: str, timeout_s: float) -> ToolPlace:
+        """Wait for the tool's pose and the joints that put it there.
+
+        Raises:
+            DriverNotThere: Nothing is published.
+            ReplayStopped: Cancelled meanwhile.
+        """
+        try:
+            message = self.unless_cancelled(lambda: rospy.wait_for_message(tool_topic, rospy.AnyMsg, timeout_s))
+        except rospy.ROSException as error:
+            raise DriverNotThere("nothing is published on %s" % tool_topic) from error
+        pose = _installed("message", message._connection_header["type"])()
+        pose.deserialize(message._buff)
+        return ToolPlace(self.joint_position(joint_topic, timeout_s), _six_numbers(pose), (pose.header.frame_id,))
 
     def move_to(self, node: str, joint_position: Sequence[float], speed: float, acceleration: float) -> None:
         """Move a driver's arm to joint positions, rad, with rad/s and rad/s2.

@@ -15,6 +15,12 @@ SIMULATION = _calling_main_of("jaka_ros_driver.simulation.__main__")
 DRIVER = _calling_main_of("jaka_ros_driver.ros.node")
 WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.replayer")
 PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.operator_session")
+LIVE_WATCH = ("-m", "jaka_regression.cell.live_watch")
+CALLERS_PATH = "JAKA_CELL_PYTHONPATH"
+LAUNCH = ("-c", "import os, sys, roslaunch; os.environ['PYTHONPATH'] = os.environ.pop(%r); "
+                "roslaunch.main(['roslaunch', *sys.argv[1:]])" % CALLERS_PATH)
+"""The command roslaunch, of the interpreter that runs this. The nodes that it starts may have another interpreter: they
+get the PYTHONPATH in the variable ``CALLERS_PATH``, which is the caller's own."""
 
 MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time\n"
                 "signal.signal(signal.SIGINT, signal.SIG_DFL)\nmaster = Master(0)\nmaster.start()\n"

@@ -1,24 +1,32 @@
 """A golden log happens again: simulated controllers, driver, recorder and calls together; then the comparison."""
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
 
 from jaka_bag.cli.compare import write_reports
 from jaka_bag.compare.comparison import compare_runs
+from jaka_bag.compare.report.failure import REPORT_NAMES, remove_reports, write_failure
 from jaka_bag.compare.report.text import as_text, headline
 from jaka_bag.compare.runs.loading import load_run
-from jaka_bag.compare.runs.run import Call, Run
+from jaka_bag.compare.runs.run import Run
 from jaka_bag.compare.tolerances import Tolerances
 from jaka_bag.compare.verdict import Comparison
 from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
 
+from .cell.history import read_history
+from .driver_inputs import Input, SentMessage, inputs_of
 from .host_watch import HostWatch
+from .log_beginning import with_beginning
 from .processes import Programs
 from .programs import DRIVER
-from .scenario import Scenario, scenario_of
+from .scenario import BEGIN, CauseKind, EventCause, Scenario, scenario_of
 from .stage import Script, Stage, script_of
+from .uncaused_motions import in_words, uncaused_motions
 
+CANDIDATE = "candidate.mcap"
+"""Name of the log that a replay records, in the folder of its reports."""
 MAX_TIME_SCALE = 10.0
 DRIVER_TIMED_SERVICES = ("jog", "servo_j", "servo_p", "servo_move_enable")
 """Services whose course depends on the driver's own clock (jog watchdog, servo cycle): it runs at speed 1 only."""
@@ -45,9 +53,10 @@ class Replay:
     report: Path
 
 
-def _driver_timed(calls: Sequence[Call], scenario: Scenario) -> str:
+def _driver_timed(calls: Sequence[Input], scenario: Scenario) -> str:
     """Describe what depends on the driver's own clock; empty where nothing does."""
-    services = sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
+    services = sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES
+                       or isinstance(call, SentMessage)})
     events = sorted({str(event.request["action"]) for event in scenario.events} & set(LINK_EVENTS))
     found = [words % ", ".join(names) for words, names in (
         ("calls %s", services), ("has the link disturbed (%s)", events)) if names]
@@ -60,7 +69,7 @@ def takes_time_scale(golden: PathLike) -> bool:
     Raises:
         BagError: It, or the scenario beside it, cannot be read.
     """
-    return not _driver_timed(load_run(golden).calls, scenario_of(golden))
+    return not _driver_timed(inputs_of(golden, load_run(golden, with_contents=False)), scenario_of(golden))
 
 
 def _check_time_scale(script: Script, scenario: Scenario, time_scale: float) -> None:
@@ -70,6 +79,23 @@ def _check_time_scale(script: Script, scenario: Scenario, time_scale: float) -> 
     if timed and time_scale != 1.0:
         raise BagError("%s %s, whose course depends on the driver's own clock: its time scale is 1"
                        % (script.log, timed))
+
+
+def _require_causes(run: Run, inputs: Sequence[Input], scenario: Scenario) -> None:
+    """Check that each motion of a golden log comes again: a call, or an event of the scenario, began it."""
+    seen: Dict[EventCause, float] = {BEGIN: 0.0, **{
+        EventCause(CauseKind.CALL, nth=number): call.start for number, call in enumerate(run.calls)}}
+    if any(event.after not in seen for event in scenario.events):
+        history = read_history(run.path, [arm.namespace for arm in scenario.arms])
+        seen.update({sighting.cause: sighting.at for sighting in history.sightings})
+    moments: Dict[str, List[float]] = {}
+    for event in scenario.events:
+        if event.after in seen:
+            moments.setdefault(event.arm, []).append(seen[event.after] + event.delay_s)
+    found = uncaused_motions(run, inputs, moments)
+    if found:
+        raise BagError("%s cannot be replayed: %s (jaka_bag replay-motion repeats motions)"
+                       % (run.path, in_words(found)))
 
 
 def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: float = 1.0,
@@ -88,7 +114,7 @@ def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: 
         ProgramFailed: One of the programs failed.
     """
     _check_time_scale(script, scenario, time_scale)
-    candidate = folder / "candidate.mcap"
+    candidate = folder / CANDIDATE
     with Programs() as programs:
         Stage(programs, folder, script, scenario, time_scale).run(candidate, driver)
     return candidate
@@ -114,7 +140,7 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
         ProgramFailed: One of the programs failed.
     """
     _check_time_scale(script, scenario, speed)
-    candidate = folder / "candidate.mcap"
+    candidate = folder / CANDIDATE
     with Programs() as programs:
         told = Stage(programs, folder, script, scenario, speed).run_wire(str(wire_log), candidate, driver)
     return candidate, told
@@ -136,17 +162,39 @@ def judge(golden: Run, candidate: Path, place: Path, limits: Tolerances, time_sc
         BagError: The candidate cannot be read, or a report cannot be written.
     """
     run = load_run(candidate, limits, time_scale)
-    comparison = compare_runs(golden, run, limits, time_scale)
-    report = place / "report.html"
-    write_reports(comparison, limits, str(report), str(place / "report.xml"), str(place / "report.json"), True)
+    return report_on(compare_runs(golden, run, limits, time_scale), place, limits, host)
+
+
+def report_on(comparison: Comparison, place: Path, limits: Tolerances, host: HostWatch) -> Replay:
+    """Write the reports of a comparison, and return what it says; arguments and errors as of ``judge``."""
+    run, time_scale = comparison.candidate, comparison.time_scale
+    html, junit, data = (str(place / name) for name in REPORT_NAMES)
+    write_reports(comparison, limits, html, junit, data, True)
     lines = [headline(comparison)] if comparison.same else [as_text(comparison), host.words(run.start_ns, time_scale)]
-    summary = "\n".join(line for line in lines + ["report: %s" % report] if line)
-    return Replay(comparison.same, summary, comparison, candidate, report)
+    summary = "\n".join(line for line in lines + ["report: %s" % html] if line)
+    return Replay(comparison.same, summary, comparison, Path(run.path), Path(html))
+
+
+@contextlib.contextmanager
+def reports_of_this_run(place: Path, golden: PathLike) -> Iterator[None]:
+    """Have the folder hold this run's reports only, also where the run fails: then they give the reason.
+
+    Those of an earlier run go first: one that says "same" must not stand where the present run did not come to its end.
+    """
+    place.mkdir(parents=True, exist_ok=True)
+    remove_reports(place)
+    if (place / CANDIDATE).exists():
+        (place / CANDIDATE).unlink()
+    try:
+        yield
+    except BagError as error:
+        write_failure(place, str(golden), str(error))
+        raise
 
 
 def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,
            scenario: Optional[Scenario] = None, driver: Sequence[str] = DRIVER) -> Replay:
-    """Make a golden log happen again, compare, and leave the reports in ``folder``.
+    """Make a golden log happen again, compare, and leave the reports of this run in ``folder``, also where it fails.
 
     Args:
         golden: The golden log.
@@ -157,14 +205,18 @@ def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] 
         driver: Arguments of the interpreter that start the driver under test.
 
     Raises:
-        BagError: A log cannot be read, or its course depends on the driver's own clock and time_scale is not 1.
+        BagError: A log cannot be read, no call began a motion in it, or its course depends on the driver's own clock
+            and time_scale is not 1.
         ProgramFailed: One of the programs failed.
     """
     place = Path(str(folder))
-    place.mkdir(parents=True, exist_ok=True)
-    known = scenario or scenario_of(golden)
-    limits = tolerances or known.tolerances
-    run = load_run(golden, limits)
-    with HostWatch() as host:
-        candidate = record_script(script_of(run), place, known, time_scale, driver)
-    return judge(run, candidate, place, limits, time_scale, host)
+    with reports_of_this_run(place, golden):
+        known = scenario or scenario_of(golden)
+        limits = tolerances or known.tolerances
+        run = load_run(golden, limits)
+        script = script_of(run)
+        _require_causes(run, script.calls, known)
+        known = with_beginning(known, run)
+        with HostWatch() as host:
+            candidate = record_script(script, place, known, time_scale, driver)
+        return judge(run, candidate, place, limits, time_scale, host)

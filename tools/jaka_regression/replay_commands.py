@@ -1,6 +1,5 @@
 """``jaka_bag replay-commands``: the command line that makes the service calls of a log again."""
 import argparse
-import functools
 import json
 import select
 import signal
@@ -17,21 +16,44 @@ from jaka_bag.errors import BagError, JakaBagError, UsageError
 from .attended import ReplayStopped
 from .command_player import CommandPlayer, Reply
 from .command_schedule import Planned, as_text, plan
+from .driver_inputs import SentMessage, inputs_of
+from .preconditions import (
+    KEYS,
+    Difference,
+    ToolPlace,
+    clock_trouble,
+    conditions_of_log,
+    differences,
+    log_begins_ns,
+    pose_difference,
+    untold,
+)
+from .uncaused_motions import in_words, uncaused_motions
 
 _START_SPEED = 0.2
 _START_ACCELERATION = 0.5
 _REACH_RAD = 0.01
 _LOOK_S = 0.1
+_JOINTS = "/joint_position"
+_TOLD_WITHIN_S = 3.0
+"""Time, s, to wait for a message that a driver publishes once a second."""
 
 EPILOG = """\
-Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes. Each
-comes at its recorded time, but never before the calls it followed have ended; calls that overlapped overlap again.
+Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes, and sends
+the goals, trajectories, jog and servo targets of the log again, with their stamps moved to now. Each comes at its
+recorded time, but never before what it followed has ended; what overlapped overlaps again.
+
+Nothing moves where the log does not fit: model, interface, tool, user frame and speed override must be those of the
+log, where both tell of them on /diagnostics; the same joints must put the tool at the same pose; the log's clock must
+not have been set; and each of its motions must have been begun by what is made again. --anyway KEY leaves one of these
+out. Payload and collision level are on no topic: set them.
 
 The arm must stand where the log began; --go-to-start moves it there first, slowly (0.2 rad/s), by joint_move: see
 that the way is free. The replay ends at the first call that is refused and was not in the log; then, as after Ctrl-C,
 stop_move is called.
 
---speed-limit 25 asks for at most 25 % of each recorded speed, and stretches the times between calls as much.
+--speed-limit 25 asks for at most 25 % of each recorded speed, and stretches the times between calls as much; what is no
+call has a time of its own, and is not slowed down: a log with such is refused then.
 --dry-run prints the calls and needs neither ROS nor a driver.
 
 examples:
@@ -45,7 +67,7 @@ Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag replay-commands``."""
     add = parser.add_argument
-    add("log", metavar="LOG", help=".bag or .mcap with service_calls")
+    add("log", metavar="LOG", help=".bag or .mcap with service_calls, or with what was sent to the driver's topics")
     add("-n", "--dry-run", action="store_true", help="print the calls and end")
     add("--after-previous", action="store_true", help="each call as soon as those it followed have ended")
     add("--speed-limit", type=_percent, default=100.0, metavar="PERCENT", help="of the recorded speeds (default 100)")
@@ -54,6 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--go-to-start", action="store_true", help="first move to where the log began")
     add("--start-tolerance", type=positive_number, default=_REACH_RAD, metavar="RAD",
         help="how far each joint may be from where the log began (default %g)" % _REACH_RAD)
+    add("--anyway", action="append", default=[], choices=KEYS, metavar="KEY",
+        help="though this differs from the log: %s" % ", ".join(KEYS))
     add("--wait", type=duration, default=20.0, metavar="TIME", help="wait so long for the driver (default 20s)")
     add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for programs")
     add("--begin-at-stdin", action="store_true",
@@ -68,34 +92,58 @@ def _percent(text: str) -> float:
     return value
 
 
-def _tell(args: argparse.Namespace, count: int, entry: Planned, at: float, reply: Optional[Reply]) -> None:
-    """Print that one of ``count`` calls begins or ends, ``at`` monotonic s: for people, or as JSON for programs."""
-    if args.progress:
-        event = {"call": entry.number, "service": entry.call.service, "event": "start" if reply is None else "end",
-                 "monotonic_s": at, "success": None if reply is None else reply.success}
-        print(json.dumps(event), flush=True)
-    elif reply is not None and not args.quiet:
-        print("%d/%d %s: %s" % (entry.number + 1, count, entry.call.words,
-                                "succeeded" if reply.success else "refused: %s" % reply.text), flush=True)
+class _Teller:
+    """The printer of what begins and ends: for people, or as JSON for programs.
+
+    Programs get a call's number among the calls alone, and null for a message: a scenario's events name calls by it.
+    """
+
+    def __init__(self, args: argparse.Namespace, planned: List[Planned]) -> None:
+        self._args = args
+        self._count = len(planned)
+        calls = [entry.number for entry in planned if not isinstance(entry.call, SentMessage)]
+        self._numbers = {number: place for place, number in enumerate(calls)}
+
+    def tell(self, entry: Planned, at: float, reply: Optional[Reply]) -> None:
+        """Print that a call or message begins (no reply yet) or ends, ``at`` monotonic s."""
+        if self._args.progress:
+            event = {"call": self._numbers.get(entry.number), "service": entry.call.service,
+                     "event": "start" if reply is None else "end", "monotonic_s": at,
+                     "success": None if reply is None else reply.success}
+            print(json.dumps(event), flush=True)
+        elif reply is not None and not self._args.quiet:
+            print("%d/%d %s: %s" % (entry.number + 1, self._count, entry.call.words,
+                                    "succeeded" if reply.success else "refused: %s" % reply.text), flush=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Make the calls; 0 all made, 1 stopped or refused."""
-    log = load_run(args.log)
-    if not log.calls:
-        raise BagError("%s holds no service calls: record the topic service_calls" % args.log)
+    log = load_run(args.log, with_contents=False)
+    inputs = inputs_of(args.log, log)
+    if not inputs:
+        raise BagError("%s holds no service calls, and nothing else that moved an arm: record the topic service_calls"
+                       % args.log)
     if args.speed_limit < 100.0 and args.time_scale != 1.0:
         raise UsageError("--speed-limit and --time-scale do not go together")
-    planned = plan(log.calls, 100.0 / args.speed_limit / args.time_scale)
+    stretch = 100.0 / args.speed_limit / args.time_scale
+    timed = sorted({one.short_name for one in inputs if isinstance(one, SentMessage)})
+    if stretch != 1.0 and timed:
+        raise UsageError("%s has %s, which go by their own time: no --speed-limit, and no --time-scale" % (
+            args.log, ", ".join(timed)))
+    planned = plan(inputs, stretch)
     if args.dry_run:
         print(as_text(planned))
         return 0
+    _require_same(args, clock_trouble(log))
+    uncaused = uncaused_motions(log, inputs, {})
+    _require_same(args, [Difference("motion", in_words(uncaused))] if uncaused else [])
     return _play(args, log, planned)
 
 
 def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     try:
         from .driver_client import DriverClient
+        from .message_player import MessagePlayer
     except ImportError as error:
         raise BagError("replay-commands needs ROS: %s" % error) from error
     from jaka_bag.live.graph import RemoteNode, master_uri
@@ -108,39 +156,50 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     client = DriverClient("jaka_bag_replay", cancelled, args.speed_limit / 100.0)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
+    messages = [one.call for one in planned if isinstance(one.call, SentMessage)]
+    sender = MessagePlayer(lambda: "interrupted" if cancelled.is_set() else None)
     nodes: List[str] = []
     try:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
-        nodes = sorted({call.service.rsplit("/", 1)[0] for call in log.calls})
-        _make_calls(args, log, planned, client, cancelled)
+        nodes = sorted({call.topic.rsplit("/", 1)[0] for call in log.calls}
+                       | {topic.rsplit("/", 1)[0] for topic in log.joints if messages and topic.endswith(_JOINTS)})
+        sender.advertise(messages, args.wait)
+        if not args.begin_at_stdin:
+            for node in nodes:
+                _check_conditions(args, client, log, node)
+        _make_calls(args, log, planned, client, sender, cancelled)
         return 0
     except ReplayStopped as error:
         for problem in [str(error), *client.stop_all(nodes)]:
             print("jaka_bag replay-commands: error: %s" % problem, file=sys.stderr)
         return 1
     finally:
+        sender.close()
         client.close()
 
 
-def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], client: Any,
+def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], client: Any, sender: Any,
                 cancelled: threading.Event) -> None:
     """Move to the start where that is wanted, and make all calls."""
     if not args.begin_at_stdin:  # then a recorded controller says where the arm stands
         for topic, track in log.joints.items():
             start = track.around(track.facts.first, track.facts.first).value
-            if topic.endswith("/joint_position") and len(start):
+            if topic.endswith(_JOINTS) and len(start):
                 _check_start(args, client, topic, start[0].tolist())
+                _check_pose(args, client, log, topic)
     begin = time.monotonic()
     if args.begin_at_stdin:
         print(json.dumps({"event": "ready"}), flush=True)
         begin = float(_line_of_stdin(cancelled) or begin)
     if args.progress:
         print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
-    player = CommandPlayer(planned, client.perform, functools.partial(_tell, args, len(planned)),
-                           args.after_previous, cancelled)
+    player = CommandPlayer(planned, lambda one: (sender if isinstance(one, SentMessage) else client).perform(one),
+                           _Teller(args, planned).tell, args.after_previous, cancelled)
     player.run(begin)
     if not args.quiet and not args.progress:
-        print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * max(player.lateness)))
+        sent = sum(isinstance(one.call, SentMessage) for one in planned)
+        print("%d calls made, %sat most %.1f ms late" % (
+            len(planned) - sent, "%d messages sent, " % sent if sent else "", 1e3 * max(player.lateness)))
 
 
 def _line_of_stdin(cancelled: threading.Event) -> str:
@@ -149,6 +208,34 @@ def _line_of_stdin(cancelled: threading.Event) -> str:
         if cancelled.is_set():
             raise ReplayStopped("interrupted")
     return sys.stdin.readline()
+
+
+def _require_same(args: argparse.Namespace, found: List[Difference], node: str = "") -> None:
+    """Raise BagError for what differs and was not allowed."""
+    forbidden = [difference for difference in found if difference.key not in args.anyway]
+    if forbidden:
+        raise BagError("%s%s (%s)" % (node and node + ": ", "; ".join([difference.text for difference in forbidden]),
+                                      " ".join(["--anyway " + difference.key for difference in forbidden])))
+
+
+def _check_conditions(args: argparse.Namespace, client: Any, log: Run, node: str) -> None:
+    before = conditions_of_log(args.log, node, log_begins_ns(log))
+    now = client.conditions(node, _TOLD_WITHIN_S)
+    _require_same(args, differences(before, now), node)
+    if not args.quiet and not args.progress:
+        print("%s: not compared, for it is not told: %s" % (node, ", ".join(untold(before, now))), flush=True)
+
+
+def _check_pose(args: argparse.Namespace, client: Any, log: Run, topic: str) -> None:
+    """Compare where the tool is at the joints of the log's begin."""
+    joints = log.joints[topic]
+    tool = log.poses.get(topic.rsplit("/", 1)[0] + "/tool_position")
+    if tool is None or not tool.facts.finite_count:
+        return
+    pose = tool.around(tool.facts.first, tool.facts.first)
+    stood = joints.at(pose.time[:1])[0]
+    before = ToolPlace(stood.tolist(), pose.value[0].tolist(), tool.frames)
+    _require_same(args, pose_difference(before, client.place(topic, tool.topic, args.wait)), topic.rsplit("/", 1)[0])
 
 
 def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[float]) -> None:

@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _recording(args: argparse.Namespace, span: TimeSpan) -> Recording:
-    log = load_run(args.log)
+    log = load_run(args.log, with_contents=False)
     end_ns = log.start_ns + int(round(log.duration * NS_PER_S))
     chosen = span.apply(Selection(), log.start_ns, end_ns)
     return recorded_joints(log, args.topic, chosen.start_time, chosen.end_time, args.max_gap)

@@ -1,17 +1,18 @@
 """``jaka_bag replay-wire``: the command line that plays a recorded controller to the driver."""
 import argparse
+import contextlib
 import tempfile
 from pathlib import Path
 
 from jaka_bag.cli.quantities import positive_number
 from jaka_bag.compare.runs.loading import load_run
-from jaka_bag.compare.tolerances import load_tolerances
+from jaka_bag.compare.tolerances import Tolerances, load_tolerances
 from jaka_bag.errors import BagError
 from jaka_bag.output_file import check_output
 
 from .host_watch import HostWatch
-from .replay import judge, record_wire
-from .scenario import Arm, Scenario, scenario_of
+from .replay import CANDIDATE, judge, record_wire, reports_of_this_run
+from .scenario import ArmSetup, Scenario, scenario_of
 from .stage import Script, script_of
 
 _TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
@@ -53,13 +54,18 @@ def run(args: argparse.Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BagError("cannot make the folder %s: %s" % (folder, error.strerror)) from error
-    check_output(folder / "candidate.mcap", args.force)
+    check_output(folder / CANDIDATE, args.force)
+    with reports_of_this_run(folder, args.golden) if args.golden else contextlib.nullcontext():
+        return _play(args, folder, limits)
+
+
+def _play(args: argparse.Namespace, folder: Path, limits: Tolerances) -> int:
     golden = load_run(args.golden, limits) if args.golden else None
     scenario = scenario_of(args.golden) if args.golden else Scenario()
     if args.golden and not args.tolerances:
         limits = scenario.tolerances
     first = scenario.arms[0]
-    arm = Arm(first.namespace, args.model or first.model, parameters=first.parameters)
+    arm = ArmSetup(first.namespace, args.model or first.model, parameters=first.parameters)
     topics = tuple("%s/jaka_driver/%s" % (arm.namespace, topic) for topic in _TOPICS)
     script = script_of(golden) if golden is not None else Script(None, (), 0.0, topics)
     with HostWatch() as host:

@@ -1,7 +1,8 @@
-"""A golden log as a rostest: the program behind launch/replay_golden.test, for those who have no pytest."""
+"""A golden log as a rostest, for those who have no pytest: behind launch/replay_golden.test and cell_golden.test."""
 import argparse
 import importlib
 import os
+import shlex
 import sys
 import tempfile
 import unittest
@@ -10,6 +11,7 @@ from typing import Any, List, Optional
 
 from jaka_bag.compare.tolerances import load_tolerances
 
+from .cell.run import run_cell
 from .replay import replay
 
 _RESULT_FLAG = "--gtest_output=xml:"
@@ -33,12 +35,22 @@ def main(argv: Optional[List[str]] = None) -> int:
         0 when the log happened again.
     """
     arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
-    parser = argparse.ArgumentParser(prog="jaka_rostest", description="Makes a golden log happen again, as a rostest.")
+    parser = argparse.ArgumentParser(
+        prog="jaka_rostest",
+        description="Makes a golden log happen again, as a rostest: its calls, or the cell's own program.")
     parser.add_argument("golden", metavar="LOG", help=".bag or .mcap")
     parser.add_argument("--tolerances", metavar="FILE", help="YAML file with what differs from the defaults")
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="N", help="N times faster, at most 10")
+    parser.add_argument("--launch", metavar="FILE",
+                        help="run the program that this launch file starts, once, in place of the log's calls")
+    parser.add_argument("--launch-args", default="", metavar="WORDS", help="arguments for it: 'driver=false speed=2'")
+    parser.add_argument("--limit", type=float, metavar="S",
+                        help="longest run of that program; default twice the log and a minute")
     options, _ = parser.parse_known_args(arguments)
     golden = Path(options.golden)
+    words = [word.replace("=", ":=", 1) for word in shlex.split(options.launch_args)]  # roslaunch takes := for its own
+    if options.launch and options.time_scale != 1.0:
+        parser.error("--time-scale is for the log's calls: the cell's own program has its own clock")
 
     class GoldenLog(unittest.TestCase):
         """One golden log."""
@@ -46,7 +58,9 @@ def main(argv: Optional[List[str]] = None) -> int:
         def test_it_happens_again(self) -> None:
             """Check that the candidate does what the golden log shows."""
             limits = load_tolerances(options.tolerances) if options.tolerances else None
-            result = replay(golden, _report_folder(arguments, golden), limits, options.time_scale)
+            folder = _report_folder(arguments, golden)
+            result = (run_cell(options.launch, golden, folder, words, limits, options.limit) if options.launch
+                      else replay(golden, folder, limits, options.time_scale))
             print(result.summary, flush=True)
             self.assertTrue(result.same, result.summary)
 

@@ -9,14 +9,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from jaka_bag.compare.runs.run import Call, Run
+from jaka_bag.compare.runs.run import Run
+from jaka_bag.errors import ConnectionLost, ProtocolError
+from jaka_bag.live.graph import RemoteNode
 from jaka_bag.units import NS_PER_S
 
 from . import programs
+from .driver_inputs import Input, inputs_of
+from .preconditions import KEYS
 from .processes import Program, ProgramFailed, Programs
-from .scenario import Arm, Event, Scenario
+from .scenario import BEGIN, ArmSetup, CauseKind, ControllerEvent, EventCause, Scenario
 
 _START_S = 60.0
+_RECORDER = "/recorder"
+_LAST_OFFERED = "stop_move"
+"""A service of each driver. A driver offers its services after its topics."""
 _TAIL_S = 0.7
 
 
@@ -25,15 +32,15 @@ class Script:
     """The actions of a replay, and what of them is recorded.
 
     Attributes:
-        log: A log with the calls; None where there are none.
-        calls: The calls in it.
+        log: A log with the calls and messages; None where there are none.
+        calls: The calls in it, and the messages that drivers took.
         duration: Length of the script, s.
         topics: Topics to record.
         start_ns: Time at which the log began, ns since the epoch.
     """
 
     log: Optional[str]
-    calls: Tuple[Call, ...]
+    calls: Tuple[Input, ...]
     duration: float
     topics: Tuple[str, ...]
     start_ns: int = 0
@@ -41,8 +48,8 @@ class Script:
 
 def script_of(run: Run) -> Script:
     """Return the script of a golden log."""
-    return Script(run.path if run.calls else None, run.calls, run.duration, tuple(sorted(run.streams)),
-                  run.start_ns)
+    inputs = tuple(inputs_of(run.path, run))
+    return Script(run.path if inputs else None, inputs, run.duration, tuple(sorted(run.streams)), run.start_ns)
 
 
 class Stage:
@@ -58,6 +65,7 @@ class Stage:
         self._environment: Dict[str, Optional[str]] = {}
         self._panels: Dict[str, Program] = {}
         self._ports: Dict[str, Dict[str, Any]] = {}
+        self._watch: Optional[Program] = None
         self._operators: List[threading.Thread] = []
         self._failure: Optional[str] = None
 
@@ -69,13 +77,17 @@ class Stage:
         self._start_master()
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
-        recorder = self._start_recorder_and_drivers(candidate, driver)
+        recorder = self._start_recorder(candidate)
+        self._start_drivers(driver)
+        self._wait_for_recording()
+        if any(event.after.kind not in (CauseKind.BEGIN, CauseKind.CALL) for event in self._scenario.events):
+            self._start_watch()
         rest = self._script.duration
         if self._script.log is not None:
             self._wait_for_calls(self._start_calls(self._script.log), 3.0 * rest / self._time_scale + 3.0 * _START_S)
             rest -= max(call.end for call in self._script.calls)
         else:
-            self._schedule(None, time.monotonic())
+            self._begin(time.monotonic())
         self._let_pass(rest / self._time_scale + _TAIL_S)
         self._end_recording(recorder)
 
@@ -95,7 +107,8 @@ class Stage:
                              "%g" % self._time_scale, on_line=hear)
         facts = player.first_object(_START_S)
         self._ports[self._scenario.arms[0].namespace] = facts
-        recorder = self._start_recorder_and_drivers(candidate, driver)
+        recorder = self._start_recorder(candidate)
+        self._start_drivers(driver)
         calls = self._start_calls(self._script.log, "--begin-at-stdin") if self._script.log is not None else None
         if not self._wait_until(began.is_set, _START_S):
             raise ProgramFailed("the driver does not connect")
@@ -127,13 +140,33 @@ class Stage:
                              "ROS_HOME": str(self._folder), "ROS_LOG_DIR": str(self._folder / "ros_log"),
                              "ROS_HOSTNAME": None, "ROS_NAMESPACE": None}
 
-    def _start_recorder_and_drivers(self, candidate: Path, driver: Sequence[str]) -> Program:
+    def _start_recorder(self, candidate: Path) -> Program:
         recorder = self._start("recorder", *programs.JAKA_BAG, "record", "-O", str(candidate), "--force",
-                               *self._script.topics)
+                               "__name:=" + _RECORDER[1:], *self._script.topics)
         recorder.wait_for_words("recording to", _START_S)
+        return recorder
+
+    def _start_drivers(self, driver: Sequence[str]) -> None:
         for number, arm in enumerate(self._scenario.arms):
             self._start_driver(number, arm, driver)
-        return recorder
+
+    def _wait_for_recording(self) -> None:
+        """Wait until the recorder has a link to each topic of the drivers: what they publish earlier is in no log."""
+        nodes = [arm.namespace.rstrip("/") + "/jaka_driver" for arm in self._scenario.arms]
+        with RemoteNode(str(self._environment["ROS_MASTER_URI"]), "/replay") as master:
+            if not self._wait_until(lambda: all(self._is_recorded(master, node) for node in nodes), _START_S):
+                raise ProgramFailed("the recorder does not hear the drivers")
+
+    def _is_recorded(self, master: RemoteNode, driver: str) -> bool:
+        try:
+            publishers, _, services = master.call("getSystemState")
+            if not any(name == driver + "/" + _LAST_OFFERED for name, _ in services):
+                return False
+            with RemoteNode(str(master.call("lookupNode", driver)), "/replay") as node:
+                heard = {link[4] for link in node.call("getBusInfo") if link[1] == _RECORDER and link[2] == "o"}
+        except (ConnectionLost, ProtocolError):
+            return False
+        return heard >= {topic for topic, names in publishers if driver in names and topic in self._script.topics}
 
     def _end_recording(self, recorder: Program) -> None:
         if self._failure is not None:
@@ -141,10 +174,13 @@ class Stage:
         if recorder.end():
             raise ProgramFailed("the recorder failed: %s" % recorder.last_words())
 
-    def _start_simulation(self, number: int, arm: Arm) -> None:
+    def _start_simulation(self, number: int, arm: ArmSetup) -> None:
+        state = self._folder / ("begin%d.json" % number)
+        state.write_text(json.dumps(dict(arm.state), indent=1) + "\n", encoding="utf-8")
         simulation = self._start(
             "simulation%d" % number, *programs.SIMULATION, "--model", arm.model, "--command-port", "0",
-            "--status-port", "0", "--poll-port", "0", "--time-scale", "%g" % self._time_scale, *arm.simulation)
+            "--status-port", "0", "--poll-port", "0", "--time-scale", "%g" % self._time_scale, "--begin-with",
+            str(state), *arm.simulation)
         self._ports[arm.namespace] = simulation.first_object(_START_S)
         if any(event.arm == arm.namespace for event in self._scenario.events):
             panel = self._start("panel%d" % number, *programs.PANEL_SESSION,
@@ -154,9 +190,9 @@ class Stage:
 
     def _panel_answered(self, line: str) -> None:
         if '"ok": false' in line:
-            self._failure = "the operator's panel refuses: %s" % line
+            self._failure = "the operator port refuses: %s" % line
 
-    def _start_driver(self, number: int, arm: Arm, driver: Sequence[str]) -> None:
+    def _start_driver(self, number: int, arm: ArmSetup, driver: Sequence[str]) -> None:
         ports = self._ports[arm.namespace]
         # the guard takes a driver that gets no time on a busy host for a dead one, and stops the arm
         private = {"guard": False, "ip": "127.0.0.1", "command_port": ports["command_port"],
@@ -165,7 +201,9 @@ class Stage:
                     *["_%s:=%s" % (name, json.dumps(value)) for name, value in private.items()])
 
     def _start_calls(self, log: str, *further: str) -> Program:
-        return self._start("calls", *programs.JAKA_BAG, "replay-commands", log, "--go-to-start",
+        # Nothing real moves here, and what differs is for the comparison to show; a broken clock has no times.
+        anyway = [word for key in KEYS if key != "clock" for word in ("--anyway", key)]
+        return self._start("calls", *programs.JAKA_BAG, "replay-commands", log, "--go-to-start", *anyway,
                            "--progress", "--wait", "%g" % _START_S, "--time-scale", "%g" % self._time_scale, *further,
                            on_line=self._call_made, is_service=False)
 
@@ -181,28 +219,60 @@ class Stage:
         except ValueError:
             return
         if event.get("event") == "begin":
-            self._schedule(None, event["monotonic_s"])
-        elif event.get("event") == "start":
-            self._schedule(event["call"], event["monotonic_s"])
+            self._begin(event["monotonic_s"])
+        elif event.get("event") == "start" and event["call"] is not None:
+            self._schedule(EventCause(CauseKind.CALL, "", (), event["call"]), event["monotonic_s"])
 
-    def _schedule(self, call: Optional[int], moment: float) -> None:
-        """Start what the operator does after the start of a call (None: after the beginning).
+    def _start_watch(self) -> None:
+        """Start the watch for causes that only the graph shows, and wait until it is ready."""
+        arms = [arm.namespace for arm in self._scenario.arms]
+        ready = threading.Event()
+
+        def hear(line: str) -> None:
+            event = json.loads(line)
+            if event["event"] == "ready":
+                ready.set()
+            self._seen(event)
+
+        self._watch = self._start("watch", *programs.LIVE_WATCH, json.dumps(arms), on_line=hear)
+        if not self._wait_until(ready.is_set, 2.0 * _START_S):
+            raise self._watch.failure("is not ready")
+
+    def _seen(self, event: Dict[str, Any]) -> None:
+        """Take what the watch tells."""
+        if event["event"] == "seen":
+            self._schedule(EventCause(CauseKind(event["kind"]), event["arm"], tuple(event["what"]), event["nth"]),
+                           event["monotonic_s"])
+
+    def _begin(self, moment: float) -> None:
+        """Begin the run, at a time of the monotonic clock, s: from here on causes are counted."""
+        if self._watch is not None:
+            self._watch.say("begin")
+        self._schedule(BEGIN, moment)
+
+    def _schedule(self, cause: EventCause, moment: float) -> None:
+        """Start what the operator does after a cause.
 
         A recorded controller has no panel: what was done there is in its bytes.
         """
-        events = sorted((event for event in self._scenario.events
-                         if event.after_call == call and event.arm in self._panels), key=lambda event: event.delay_s)
+        events = sorted(self._events_after(cause), key=lambda event: event.delay_s)
         if events:
             operator = threading.Thread(target=self._operate, args=(events, moment), daemon=True)
             self._operators.append(operator)
             operator.start()
 
-    def _operate(self, events: Sequence[Event], moment: float) -> None:
+    def _events_after(self, cause: EventCause) -> List[ControllerEvent]:
+        return [event for event in self._scenario.events if event.after == cause and event.arm in self._panels]
+
+    def _say_to_panel(self, event: ControllerEvent) -> None:
+        self._panels[event.arm].say(json.dumps(dict(event.request)))
+
+    def _operate(self, events: Sequence[ControllerEvent], moment: float) -> None:
         """Send the operator's requests one after the other, even where this computer is late with all of them."""
         try:
             for event in events:
                 time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
-                self._panels[event.arm].say(json.dumps(dict(event.request)))
+                self._say_to_panel(event)
         except ProgramFailed as error:
             self._failure = str(error)
 

@@ -7,21 +7,17 @@ import threading
 import time
 from typing import Any, NamedTuple, Sequence
 
-import actionlib as untyped_actionlib
-import genpy.dynamic as untyped_dynamic
-import roslib.message as untyped_roslib
-import rospy as untyped_rospy
+import actionlib
+import rospy
+from genpy import dynamic
+from roslib import message as roslib_message
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from jaka_bag.errors import BagError
 from jaka_bag.live.graph import RemoteNode
 from jaka_bag.messages.batch import Array
 
 from .driver_client import DriverNotThere
-
-actionlib: Any = untyped_actionlib
-dynamic: Any = untyped_dynamic
-roslib_message: Any = untyped_roslib
-rospy: Any = untyped_rospy
 
 ACTION_TYPE = "control_msgs/FollowJointTrajectoryAction"
 _SUFFIX = "/follow_joint_trajectory"
@@ -134,9 +130,8 @@ class TrajectoryClient:
         """
         goal = self._client.action_client.ActionGoal().goal
         goal.trajectory.joint_names = list(names)
-        point = roslib_message.get_message_class("trajectory_msgs/JointTrajectoryPoint")
         goal.trajectory.points = [
-            point(positions=p, velocities=v, accelerations=a, time_from_start=rospy.Duration.from_sec(t))
+            JointTrajectoryPoint(positions=p, velocities=v, accelerations=a, time_from_start=rospy.Duration.from_sec(t))
             for t, p, v, a in zip(time_s.tolist(), position.tolist(), velocity.tolist(), acceleration.tolist())]
         if cancelled.is_set():
             return End(False, "interrupted")

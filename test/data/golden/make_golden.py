@@ -132,7 +132,8 @@ SESSIONS: Dict[str, Session] = {
         line(0.4, (0.0, 80.0, -40.0), (0.05, 0.0, 0.1)), line(0.4, (0.0, 0.0, 0.0)))),
     "jog_watchdog": Session("A jog that nobody ends: the driver stops it after 3 s. Then one that stop_move ends.", (
         jog(1.0, 0, 0.15), jog(4.0, 3, 0.15), Step(0.8, "stop_move", {}))),
-    "servo_stream": Session("Servo mode and a stream of joint targets.", tuple(_servo_stream())),
+    "servo_stream": Session("Servo mode and a stream of joint targets.", tuple(_servo_stream()), {
+        "tolerances": {"states": {"timing_s": 0.5}}}),  # the controller tells of short rests between two targets
     "stop_in_mid_move": Session("stop_move while a joint move is under way; then the move again.", (
         joints(1.0, (0.8, 0.0, 0.0, 0.0, 0.0, 0.0), success=False), Step(0.7, "stop_move", {}, overlaps=True),
         joints(1.0, (0.8, 0.0, 0.0, 0.0, 0.0, 0.0)), joints(0.4, (0.0,) * 6))),

@@ -5,9 +5,11 @@ import pytest
 import yaml
 from import_graph import ROOT
 
+from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.compare.verdict import Aspect
 from jaka_bag.containers.registry import read_index
 from jaka_bag.errors import JakaBagError
+from jaka_regression import programs
 from jaka_regression.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
 from jaka_regression.replay import replay, takes_time_scale
 from jaka_regression.scenario import scenario_of
@@ -31,6 +33,15 @@ def test_the_library_is_whole_small_and_says_where_it_comes_from():
 @pytest.mark.parametrize("name", NAMES)
 def test_it_happens_again(name, jaka_replay):  # noqa: F811
     result = jaka_replay(FOLDER / (name + ".mcap"), BUSY_HOST)
+    assert result.same, result.summary
+
+
+def test_nothing_is_asked_of_the_driver_before_the_recorder_hears_it(tmp_path, monkeypatch):
+    late = ("import sys, time\nfrom jaka_bag.live.session import RecordingSession as S\nlook = S._look_at_graph\n"
+            "S._look_at_graph = lambda *given: (time.sleep(4.0), look(*given))\n"
+            "from jaka_bag.cli.main import main\nsys.exit(main())")
+    monkeypatch.setattr(programs, "JAKA_BAG", ("-c", late))
+    result = replay(FOLDER / "io_sequence.mcap", tmp_path, load_tolerances(BUSY_HOST), 4.0)
     assert result.same, result.summary
 
 

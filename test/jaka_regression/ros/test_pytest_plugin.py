@@ -1,4 +1,5 @@
 """The pytest plugin as a team uses it: in a folder of their own, in a pytest of its own."""
+import json
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ import pytest
 import yaml
 from import_graph import ROOT
 
+from jaka_bag.operations.convert import Job, convert_file
 from jaka_regression.pytest_plugin import file_name
 
 GOLDEN = ROOT / "test" / "data" / "golden"
@@ -66,9 +68,26 @@ def test_a_bad_run_fails_with_the_summary_and_may_become_the_golden_one(cell):
     assert code == 1
     assert "DIFFERENT" in said and "durations" in said and "report.html" in said
     assert (folder / "golden.mcap").read_bytes() == before
-    assert run(STRICT, "--jaka-update", "--jaka-reports=elsewhere")[0] == 1
-    assert (folder / "elsewhere" / "test_cell.py_test_cell" / "candidate.mcap").read_bytes() \
-        == (folder / "golden.mcap").read_bytes() != before
+    # No run is as exact as that: nothing can become a golden log from which an unchanged run differs.
+    code, said = run(STRICT, "--jaka-update")
+    assert code == 1 and "golden.mcap stays as it was: an unchanged run differs from the new log" in said
+    assert (folder / "golden.mcap").read_bytes() == before
+
+
+@pytest.mark.parametrize("form, magic", [("mcap", b"\x89MCAP0\r\n"), ("bag", b"#ROSBAG V2.0\n")])
+def test_a_run_that_was_changed_on_purpose_becomes_the_golden_one_in_its_format(cell, form, magic):
+    folder, run = cell
+    if form == "bag":
+        convert_file(Job(str(folder / "golden.mcap"), str(folder / "golden.bag")))
+        (folder / "golden.mcap").unlink()
+    scenario = yaml.safe_load((folder / "golden.yaml").read_text(encoding="utf-8"))
+    scenario["events"][0]["value"] = 0  # the input stays as it is, so that get_io answers something else
+    (folder / "golden.yaml").write_text(yaml.safe_dump(scenario), encoding="utf-8")
+    text = PLAIN.replace("golden.mcap", "golden." + form)
+    code, said = run(text, "--jaka-update")
+    assert code == 1 and "responses" in said and "golden.%s is the new log: an unchanged run is the same" % form in said
+    assert (folder / ("golden." + form)).read_bytes().startswith(magic)
+    assert run(text)[0] == 0
 
 
 def test_what_cannot_be_replayed_is_an_error_with_its_reason(cell):
@@ -82,6 +101,21 @@ def test_a_driver_that_does_not_start_is_an_error_with_its_last_words(cell):
     other = '"golden.mcap", driver=["-c", "raise SystemExit(\'no driver here\')"]'
     code, said = run(PLAIN.replace('"golden.mcap"', other))
     assert code == 1 and "no driver here" in said
+
+
+def test_reports_of_an_earlier_run_never_stand_for_one_that_failed(cell):
+    folder, run = cell
+    report = folder / "jaka_reports" / "test_cell.py_test_cell"
+    assert run(PLAIN, "--jaka-time-scale=2")[0] == 0
+    assert json.loads((report / "report.json").read_text(encoding="utf-8"))["same"] is True
+    (folder / "golden.yaml").write_text("arms: [{simulation: []}]\n")  # nobody enables the arm: its calls are refused
+    code, said = run(PLAIN)
+    assert code == 1 and "the calls could not be made again" in said
+    told = json.loads((report / "report.json").read_text(encoding="utf-8"))
+    assert told["same"] is False and "the calls could not be made again" in told["error"]
+    page = (report / "report.html").read_text(encoding="utf-8")
+    assert "not compared" in page and "the calls could not be made again" in page and "calls.log" in page
+    assert ElementTree.parse(str(report / "report.xml")).getroot().find("testsuite").get("errors") == "1"
 
 
 def test_report_folders_have_names_that_every_file_system_takes():

@@ -8,13 +8,12 @@ import numpy as np
 import yaml
 
 from jaka_bag.containers.registry import open_log
-from jaka_bag.driver_interface import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
+from jaka_bag.driver_interface import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, PARAMETERS_NAME
 from jaka_bag.errors import BagError
 from jaka_bag.messages.batch import Array
 from jaka_bag.paths import PathLike
 
 DESCRIPTION = "robot_description"
-_PARAMETERS_NAME = "rosparam.yaml"
 _MAKER = "jaka"
 
 
@@ -102,8 +101,8 @@ class LogParameters:
         """
         with open_log(path) as reader:
             found = [reader.read_attachment(entry) for entry in reader.index.attachments
-                     if entry.name == _PARAMETERS_NAME]
-        self._tree = _parsed(found[0]) if found else {}
+                     if entry.name == PARAMETERS_NAME]
+        self._tree = _parsed(found[-1]) if found else {}
         self._node = node
 
     def _at(self, *words: str) -> Any:
