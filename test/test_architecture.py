@@ -25,7 +25,7 @@ FLOOR = {"errors", "units", "driver_interface", "log_records", "paths", "output_
 CONTAINERS = {"containers", "containers.registry"}
 TOOLS = FLOOR | CONTAINERS | {
     "messages", "operations", "live", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
-    "compare.checks", "compare", "compare.report", "engines"}
+    "compare.checks", "compare", "compare.audit", "compare.report", "engines"}
 COMMAND_LINES = {"cli", "cli.main"}
 ALL_OF_JAKA_BAG = {"jaka_bag"} | {"jaka_bag." + room for room in TOOLS | COMMAND_LINES}
 """Everything that packages on the log tools may import; none of them knows the others."""
@@ -75,11 +75,13 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "compare.tolerances": FLOOR,
         "compare.runs": FLOOR | CONTAINERS | {"messages", "operations", "compare.tolerances"},
         "compare.matching": FLOOR | {"messages", "compare.tolerances", "compare.runs"},
-        "compare.verdict": {"messages", "compare.runs", "compare.matching"},
+        "compare.verdict": {"messages", "compare.tolerances", "compare.runs", "compare.matching"},
         "compare.checks": FLOOR | {"messages", "operations", "compare.tolerances", "compare.runs", "compare.matching",
                                    "compare.verdict"},
-        "compare": FLOOR | {"compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
+        "compare": FLOOR | {"messages", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
                             "compare.checks"},
+        "compare.audit": FLOOR | CONTAINERS | {"messages", "operations", "compare.tolerances", "compare.runs",
+                                               "compare.matching", "compare"},
         "compare.report": FLOOR | {"messages", "operations", "compare.tolerances", "compare.runs", "compare.matching",
                                    "compare.verdict", "compare.checks"},
         "cli": TOOLS | {"cli.main", "containers.rosbag2_folder"},
@@ -120,13 +122,13 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
     }),
 }
 NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers.registry",
-                           "jaka_panel.plans.shelf", "jaka_regression.programs"}
+                           "jaka_panel.plans.plan_store", "jaka_regression.programs"}
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.transport", "ros.connections", "ros.driver_lock", "ros.start_checks", "simulation.server.event_loop",
     "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.program", "jaka_regression.driver_client",
-           "jaka_regression.trajectory_client")
+           "jaka_regression.cell.live_watch", "jaka_regression.message_player", "jaka_regression.trajectory_client")
 ASYNC = ("jaka_foxglove", "jaka_panel.pages", "jaka_panel.program", "jaka_panel.graph.calls",
          "jaka_panel.graph.stopper")
 LONGEST = 600

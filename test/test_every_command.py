@@ -125,6 +125,9 @@ def folder(tmp_path):
         assert main(["convert", str(source), "-o", str(tmp_path / "logs" / cell / "day.bag"), "-c", compression,
                      "-q"]) == 0
     shutil.copy(str(source), str(tmp_path / "logs" / "day.mcap"))
+    (tmp_path / "good_runs").mkdir()
+    for name in ("today.mcap", "run.bag", "today.bag"):
+        shutil.copy(str(tmp_path / name), str(tmp_path / "good_runs"))
     (tmp_path / ".zfunc").mkdir()
     return tmp_path
 

@@ -15,12 +15,12 @@ def running():
     The server's notices are kept.
     """
     from jaka_foxglove.access import AccessRules
-    from jaka_foxglove.server import FoxgloveServer, Limits
+    from jaka_foxglove.server import FoxgloveServer, ViewerLimits
 
     with contextlib.ExitStack() as stack:
         def run(source, rules=None, limits=None):
             notices = []
-            server = FoxgloveServer(source, rules or AccessRules(), limits or Limits(), notices.append)
+            server = FoxgloveServer(source, rules or AccessRules(), limits or ViewerLimits(), notices.append)
             ready = threading.Event()
             thread = threading.Thread(target=lambda: asyncio.run(server.run("127.0.0.1", 0, ready.set)))
             thread.start()

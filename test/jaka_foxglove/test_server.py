@@ -14,10 +14,10 @@ from jaka_bag.errors import JakaBagError
 from jaka_foxglove import server as servers
 from jaka_foxglove.access import AccessRules
 from jaka_foxglove.protocol import Channel, Parameter, Service, message_data
-from jaka_foxglove.source import Source
+from jaka_foxglove.source import ChannelSource
 
 
-class Toy(Source):
+class Toy(ChannelSource):
     """A source whose channels, service and messages the test makes."""
 
     def __init__(self, channels=2):
@@ -110,7 +110,7 @@ def test_trusted_pages_connect_and_a_second_origin_does_not_help(running, toy):
 
 
 def test_too_many_viewers_are_refused_until_one_leaves(running, toy):
-    server = running(toy, limits=servers.Limits(viewers=2))
+    server = running(toy, limits=servers.ViewerLimits(viewers=2))
     with RawViewer(server.port) as first:
         with RawViewer(server.port) as second:
             assert first.text("serverInfo") and second.text("serverInfo")
@@ -221,7 +221,7 @@ def test_peers_that_speak_no_http_or_nothing_are_dropped(running, toy, raw, monk
 
 
 def test_crowds_of_silent_peers_do_not_keep_viewers_out(running, toy):
-    server = running(toy, limits=servers.Limits(viewers=1))
+    server = running(toy, limits=servers.ViewerLimits(viewers=1))
     crowd = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(100)]
     with RawViewer(server.port) as viewer:
         assert viewer.text("serverInfo")
@@ -240,7 +240,7 @@ def test_crowds_of_silent_peers_do_not_keep_viewers_out(running, toy):
 
 
 def test_a_slow_reader_gets_the_newest_is_told_and_holds_up_nobody(running, toy):
-    server = running(toy, limits=servers.Limits(waiting=2 << 20))
+    server = running(toy, limits=servers.ViewerLimits(waiting=2 << 20))
     with RawViewer(server.port, receive_buffer=4096) as slow, RawViewer(server.port) as fast:
         slow.subscribe(1)
         fast.subscribe(1)

@@ -1,6 +1,6 @@
 """Control between pages, and how many messages one may send."""
-from jaka_panel.authority.budget import Budget
 from jaka_panel.authority.control import ANSWER_S, Asked, Control
+from jaka_panel.authority.rate_limiter import RateLimiter
 
 
 def test_what_nobody_has_is_given_and_what_somebody_has_is_asked_for():
@@ -36,8 +36,8 @@ def test_who_goes_holds_and_asks_for_nothing_any_more():
     assert control.leave("b") and control.holder is None
 
 
-def test_a_budget_is_spent_and_comes_back():
-    budget = Budget(10.0, 5.0, 0.0)
-    assert [budget.spend(0.0) for _ in range(6)] == [True] * 5 + [False]
-    assert budget.spend(0.1) and not budget.spend(0.1)
-    assert [budget.spend(100.0) for _ in range(6)] == [True] * 5 + [False]
+def test_a_rate_limit_is_spent_and_comes_back():
+    limiter = RateLimiter(10.0, 5.0, 0.0)
+    assert [limiter.spend(0.0) for _ in range(6)] == [True] * 5 + [False]
+    assert limiter.spend(0.1) and not limiter.spend(0.1)
+    assert [limiter.spend(100.0) for _ in range(6)] == [True] * 5 + [False]

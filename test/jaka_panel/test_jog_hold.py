@@ -5,15 +5,15 @@ from jaka_panel.authority.jog_hold import (
     LATE_S,
     MISSED_S,
     SEEN_S,
+    DelayEstimate,
     JogHold,
-    Lateness,
-    Limits,
+    JogSpeedLimits,
     Place,
     WrongHeartbeat,
     heartbeat_from,
 )
 
-LIMITS = Limits(0.5, 0.25, 0.5)
+LIMITS = JogSpeedLimits(0.5, 0.25, 0.5)
 HERE = Place((0.0,) * 6, ((0.4, 0.0, 0.3), (3.14, 0.0, 0.0)))
 ZERO = (0.0,) * 6
 
@@ -155,7 +155,7 @@ def test_what_is_no_heartbeat(wrong):
 
 
 def test_lateness_is_against_the_quickest_of_the_last_seconds():
-    late = Lateness()
+    late = DelayEstimate()
     assert late.of(1.0, 51.0) == 0.0
     assert late.of(2.0, 52.3) == pytest.approx(0.3)
     assert late.of(3.0, 52.9) == 0.0

@@ -31,8 +31,8 @@ def test_reconnects_leave_nothing_behind(live):
     watch = LinkWatch(live, SEED)
     sizes = []
     try:
-        for _ in range(12):
-            watch.reconnect()
+        for port in ["command", "status", "status", "all"] + ["status"] * 4 + ["command", "status", "status", "all"]:
+            watch.reconnect(port)
             sizes.append(size_of(live.process.pid))
     finally:
         watch.close()

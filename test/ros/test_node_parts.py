@@ -81,7 +81,7 @@ def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_chang
     for is_simulated in (None, True, True, None, False, False, True):
         parts["ArmClient"].return_value.is_simulated = is_simulated
         one.publish_kind()
-    assert told == [True, False, True]
+    assert [one.data for one in told] == [True, False, True]
 
 
 # ---- the process ----

@@ -58,6 +58,48 @@ def test_it_goes_to_the_start_and_makes_every_call_again(arm):
     assert joints_of(arm) == pytest.approx(START, abs=1e-3)
 
 
+def test_nothing_moves_where_the_same_joints_put_the_tool_elsewhere(arm):
+    stand_at(arm, AWAY)
+    assert arm.call("set_toolframe", pose=[0.0, 0.0, 120.0, 0.0, 0.0, 0.0], tool_num=1).ret == 1
+    try:
+        stand_at(arm, START)
+        with evidence_of(arm) as call_publisher:
+            done = replay(GOLDEN)
+            assert done.returncode == 1 and "the tool is 120.0 mm" in done.stderr and "--anyway pose" in done.stderr
+            assert not call_publisher()
+            done = replay(GOLDEN, "--anyway", "pose", "--after-previous")
+            assert done.returncode == 0, done.stderr
+    finally:
+        assert arm.call("set_toolframe", pose=[0.0] * 6, tool_num=1).ret == 1
+
+
+def test_nothing_moves_under_another_condition_than_the_log_tells_of(arm, tmp_path):
+    stand_at(arm, START)
+    log = str(tmp_path / "log.mcap")
+    with subprocess.Popen([*command_of("jaka_bag"), "record", "--state-log", "-O", log], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True) as recorder:
+        try:
+            assert any("recording to" in line for line in recorder.stdout)
+            time.sleep(2.5)  # diagnostics come once a second
+            stand_at(arm, AWAY)
+        finally:
+            recorder.send_signal(signal.SIGINT)
+            recorder.communicate(timeout=WAIT)
+    stand_at(arm, START)
+    assert arm.call("set_speed_slider", speed_slider_fraction=0.5).success
+    try:
+        with evidence_of(arm) as call_publisher:
+            done = replay(log)
+            assert done.returncode == 1, done.stdout
+            assert "the override was 1.0, and is 0.5 (--anyway override)" in done.stderr
+            assert not call_publisher()
+    finally:
+        assert arm.call("set_speed_slider", speed_slider_fraction=1.0).success
+    done = replay(log)
+    assert done.returncode == 0, done.stderr
+    assert "not compared, for it is not told: payload, collision level" in done.stdout
+
+
 def test_the_speed_limit_slows_every_move(arm):
     stand_at(arm, START)
     with evidence_of(arm) as call_publisher:

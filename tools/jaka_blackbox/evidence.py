@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional
 
 from jaka_bag import __version__
+from jaka_bag.driver_interface import PARAMETERS_NAME
 from jaka_bag.errors import JakaBagError
 from jaka_bag.live.graph import RemoteNode
 from jaka_bag.live.rolling_files import Attachment
@@ -157,7 +158,7 @@ class Evidence:
 
     def attachments(self) -> List[Attachment]:
         """Return the attachments: parameters, URDF and DH parameters of the arm as far as they are known, versions."""
-        items = [Attachment("rosparam.yaml", self._parameters or b"{}\n", "application/yaml")]
+        items = [Attachment(PARAMETERS_NAME, self._parameters or b"{}\n", "application/yaml")]
         description = self._description()
         if description:
             items.append(Attachment("robot_description.urdf", description.encode("utf-8", "replace"),

@@ -11,7 +11,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Seque
 
 from jaka_bag.errors import BagError
 from jaka_bag.live.rolling_files import RollingFiles
-from jaka_bag.live.stream_account import Stream, TopicDrops, drops_by_topic
+from jaka_bag.live.stream_account import PublisherStream, TopicDrops, drops_by_topic
 from jaka_bag.log_records import TRIGGER
 from jaka_bag.units import NS_PER_S
 
@@ -38,7 +38,7 @@ class _Item(NamedTuple):
     """A message in memory; ``at`` is on the black box's clock, s."""
 
     at: float
-    stream: Stream
+    stream: PublisherStream
     number: int
     log_time: int
     publish_time: int
@@ -54,7 +54,7 @@ class Window:
     memory_bytes: int
 
 
-class Request:
+class SnapshotRequest:
     """A trigger from outside; ``wait`` gives the name of the file that it is written to."""
 
     def __init__(self, trigger: Trigger, time_ns: int) -> None:
@@ -102,7 +102,7 @@ class BlackBox:
 
     def __init__(self, folder: Path, window: Window, watch: TriggerWatch,
                  open_file: Callable[[Path, Callable[[], Dict[str, TopicDrops]]], RollingFiles],
-                 streams: Callable[[], List[Stream]], clock: Callable[[], float], log_time: Callable[[], int],
+                 streams: Callable[[], List[PublisherStream]], clock: Callable[[], float], log_time: Callable[[], int],
                  notice: Callable[[str], None], keep: Keep,
                  before_end: Callable[[RollingFiles], None], after_end: Callable[[Path], None]) -> None:
         self._folder = folder
@@ -119,28 +119,28 @@ class BlackBox:
         self._ring: Deque[_Item] = collections.deque()
         self._ring_bytes = 0
         self._forgotten_at: Optional[float] = None
-        self._numbers: Dict[Stream, int] = {}
-        self._latched: Dict[Stream, _Item] = {}
-        self._accounts: Deque[Tuple[float, Dict[Stream, _Lost]]] = collections.deque()
+        self._numbers: Dict[PublisherStream, int] = {}
+        self._latched: Dict[PublisherStream, _Item] = {}
+        self._accounts: Deque[Tuple[float, Dict[PublisherStream, _Lost]]] = collections.deque()
         self._files: Optional[RollingFiles] = None
         self._stem = folder
         self._until = 0.0
         self._remembered_s = 0.0
         self._count = 0
-        self._requests: Deque[Request] = collections.deque()
+        self._requests: Deque[SnapshotRequest] = collections.deque()
         self.finished: List[Path] = []
         self.messages = 0
         self.failures = 0
 
-    def trigger(self, trigger: Trigger) -> Request:
+    def trigger(self, trigger: Trigger) -> SnapshotRequest:
         """Write what is in memory, and what comes, to a file; a signal handler may call it."""
-        request = Request(trigger, self._log_time())
+        request = SnapshotRequest(trigger, self._log_time())
         self._requests.append(request)
         return request
 
     # The writing thread
 
-    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+    def add(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes) -> None:
         """Take one message; see ``RollingFiles.add``. What it triggers begins with this very message in the file."""
         now = self._clock()
         taken = self._numbers[stream] = self._numbers.get(stream, 0) + 1
@@ -292,7 +292,7 @@ class BlackBox:
 
     # What was lost in the time that a file covers
 
-    def _counts(self) -> Dict[Stream, _Lost]:
+    def _counts(self) -> Dict[PublisherStream, _Lost]:
         return {s: (s.missing, s.undelivered or 0, s.overflowed, s.unwritten) for s in self._streams()}
 
     def _note_losses(self, now: float) -> None:

@@ -11,10 +11,10 @@ from typing import Deque, List, Optional, Tuple
 
 from jaka_bag.cli.record import LogRecording
 from jaka_bag.live.rolling_files import FileSettings, RollingFiles
-from jaka_bag.live.stream_account import Stream
+from jaka_bag.live.stream_account import PublisherStream
 from jaka_bag.units import NS_PER_S
 
-_Item = Tuple[Stream, int, int, bytes]
+_Item = Tuple[PublisherStream, int, int, bytes]
 
 
 class Snapshots:
@@ -53,7 +53,7 @@ class Snapshots:
 
     # The writing thread
 
-    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+    def add(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes) -> None:
         """Take one message; times in ns."""
         self._ring.append((stream, log_time, publish_time, payload))
         self._ring_bytes += len(payload)

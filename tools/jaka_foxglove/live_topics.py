@@ -22,7 +22,7 @@ from .graph_view import GraphView
 from .outbox import Frame
 from .protocol import Channel, Parameter, Service, channel_of
 from .service_calls import ServiceCalls
-from .source import Recipient, Source
+from .source import ChannelSource, Recipient
 
 CLOCK_TOPIC = "/clock"
 _WATCH_PERIOD_S = 0.5
@@ -55,7 +55,7 @@ class _Stream(NamedTuple):
     connection: Connection
 
 
-class LiveTopics(Source):
+class LiveTopics(ChannelSource):
     """The topics, services and parameters of a running graph.
 
     Args:

@@ -13,7 +13,7 @@ from . import protocol
 from .outbox import Frame
 from .playback_clock import PlaybackClock
 from .protocol import PlaybackControl, channel_of
-from .source import Recipient, Source
+from .source import ChannelSource, Recipient
 
 _TICK_S = 1.0 / 60
 _READY_POLL_S = 0.005
@@ -33,7 +33,7 @@ class PlaybackOptions(NamedTuple):
     is_looping: bool = False
 
 
-class LogPlayback(Source):
+class LogPlayback(ChannelSource):
     """Logs, played for all viewers alike: one position, one speed.
 
     It stands still while nobody is subscribed to anything.

@@ -20,7 +20,7 @@ from jaka_bag.errors import BagError
 from .access import AccessRules
 from .outbox import Frame
 from .protocol import OLD_SUBPROTOCOL, SUBPROTOCOLS, Channel, Parameter, advertise, unadvertise
-from .source import Audience, Source
+from .source import Audience, ChannelSource
 from .viewer import TooMuch, Viewer
 
 _HANDSHAKE_S = 10.0
@@ -45,7 +45,7 @@ _PLAIN = "This is a server for Foxglove and Lichtblick: open it there as a Foxgl
 
 
 @dataclass(frozen=True)
-class Limits:
+class ViewerLimits:
     """The limits of what viewers may use.
 
     Attributes:
@@ -99,7 +99,8 @@ class FoxgloveServer(Audience):
         port: TCP port; 0 before the server listens.
     """
 
-    def __init__(self, source: Source, rules: AccessRules, limits: Limits, notice: Callable[[str], None]) -> None:
+    def __init__(self, source: ChannelSource, rules: AccessRules, limits: ViewerLimits,
+                 notice: Callable[[str], None]) -> None:
         self._source = source
         self._rules = rules
         self._limits = limits

@@ -51,7 +51,7 @@ class Recipient:
         raise NotImplementedError
 
 
-class Source:
+class ChannelSource:
     """A source of channels, services and parameters; all methods are called in the server's loop.
 
     Attributes:

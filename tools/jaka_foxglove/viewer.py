@@ -7,7 +7,7 @@ from jaka_bag.errors import JakaBagError, ProtocolError
 from . import protocol
 from .outbox import Frame, Outbox
 from .protocol import Parameter, Request
-from .source import Recipient, Source
+from .source import ChannelSource, Recipient
 
 _MAX_ERRORS = 32
 """Number of invalid messages after which a viewer is disconnected."""
@@ -43,7 +43,7 @@ class Viewer(Recipient):
         sending_since: Time since which a frame is being sent to it, monotonic s; None where none is.
     """
 
-    def __init__(self, name: str, source: Source, session: str, limit: int, wake: Callable[[], None],
+    def __init__(self, name: str, source: ChannelSource, session: str, limit: int, wake: Callable[[], None],
                  changed: Callable[[], None]) -> None:
         self.name = name
         self.outbox = Outbox(limit)

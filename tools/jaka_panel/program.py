@@ -4,13 +4,12 @@ import io
 import logging
 import signal
 import sys
-from typing import Any, List, Optional
+from typing import List, Optional
 
-import rospy as untyped_rospy
+import rospy
 
 from .settings import Settings, WrongSettings, settings_from
 
-rospy: Any = untyped_rospy
 _LOG = logging.getLogger(__name__)
 _NAME = "jaka_panel"
 _INSTALL = ("jaka_panel needs the Python package aiohttp (Debian: apt-get install python3-aiohttp; tools/dev setup "

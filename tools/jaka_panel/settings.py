@@ -152,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
                              "with 10)")
     parser.add_argument("--pages", type=_count, default=8, metavar="N", help="pages at once (default 8)")
     parser.add_argument("--simulator-panel", type=_port, default=0, metavar="PORT",
-                        help="port of the simulated controller's own panel (default: as the launch file set it)")
+                        help="number of the simulated controller's operator port (default: as the launch file set it)")
     return parser
 
 

@@ -177,6 +177,7 @@ def test_a_sweep_that_needs_the_logs_is_refused(short_golden, logs, results, tmp
 
 
 @pytest.mark.parametrize("words, said", [
+    (["--against", "{logs}", "--strict"], "are for one log"), (["--against", "{logs}", "--audit"], "are for one log"),
     (["--against", "{logs}", "{golden}", "-f"], "one log is needed"), (["--sweep", "x.yaml"], "--against"),
     (["--against", "{logs}/nothing"], "no data set and no folder"),
     (["--against", "{logs}", "--sweep", "x.yaml", "--tolerances", "y.yaml"], "cannot read y.yaml"),

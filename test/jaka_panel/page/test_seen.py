@@ -159,6 +159,6 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
 def test_only_what_can_be_seen_of_an_unknown_arm_is_claimed(panel, open_page):
     page = open_page()
     panel.state.update(robot=None, status=None, enabled=None, speed=None, tool=None, dq=None, want=None)
-    page.until_text("[data-state=power]", "unknown")
-    assert "unknown" in page.text("[data-state=enabled]") and "–" in page.text("#tool")
+    for place, words in (("[data-state=power]", "unknown"), ("[data-state=enabled]", "unknown"), ("#tool", "–")):
+        page.until_text(place, words)
     assert panel.state["q"] == HOME

@@ -27,7 +27,7 @@ from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 
 FOREIGN = {"jaka_driver": "the maker's package", "jaka_planner": "the maker's package"}
 """Packages on the pages that are not ours, nor Debian's."""
-SHELL_WORDS = {"cd", "diff", "ln", "mkdir", "mv", "rm", "sed", "touch", "true", "catkin_make"}
+SHELL_WORDS = {"echo", "cd", "diff", "ln", "mkdir", "mv", "rm", "sed", "touch", "true", "catkin_make"}
 """Shell commands that the page's own test runs, in its order."""
 NAMES_IN_THE_NODE = "\n".join(path.read_text(encoding="utf-8")
                               for folder in (ROOT / "jaka_ros_driver" / "ros", *map(PACKAGES.get, LOG_TOOLS))
@@ -319,7 +319,8 @@ def folder(tmp_path):
 @pytest.mark.parametrize("page", sorted(page for page, texts in RUN.items() if texts))
 def test_what_is_quick_runs_as_it_stands(page, folder):
     if program_places.place().name == "deb" and "fleet" in page:
-        pytest.importorskip("pyarrow", reason="this Debian has no python3-pyarrow")
+        for package in ("pyarrow", "duckdb"):
+            pytest.importorskip(package, reason="this Debian has no python3-" + package)
     bin_folder = folder / "bin"
     bin_folder.mkdir()
     for program in program_places.declared():

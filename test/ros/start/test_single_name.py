@@ -1,4 +1,5 @@
 """A node's name as rospy resolves it, and whether one of that name is alive already."""
+import contextlib
 import http.client
 import os
 import signal
@@ -9,6 +10,7 @@ import time
 
 import pytest
 import rosgraph
+from driver_bench import DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
 from waiting import WAIT, eventually
 
@@ -98,6 +100,29 @@ def test_a_port_that_another_node_has_now_is_no_node_of_this_name(ros_master):
             refuse_second_node("/late")
         finally:
             master.unregisterService("/late/service", "rosrpc://127.0.0.1:1")
+
+
+def test_the_driver_outlives_the_shutdown_of_a_node_that_had_its_port_before(ros_master):
+    with contextlib.closing(SimulatorProcess()) as simulator, DriverProcess("survivor", **on(simulator)) as driver:
+        next(line for line in driver.process.stdout if "auto_enable: the arm is powered" in line)
+        with known_at("/killed", rosgraph.Master("/tests").lookupNode("/survivor")):
+            next(line for line in driver.process.stdout if "a shutdown of [/killed]" in line and "not obeyed" in line)
+        assert driver.process.poll() is None
+        with known_at("/survivor"):
+            code, said = driver.wait()
+            assert code == 0, said
+
+
+@contextlib.contextmanager
+def known_at(name, *addresses):
+    """Register a node at addresses and then at an unused one: the master asks each earlier one to shut down."""
+    master = rosgraph.Master(name)
+    for address in (*addresses, "http://127.0.0.1:9/"):
+        master.registerService("/of_nobody", "rosrpc://127.0.0.1:1", address)
+    try:
+        yield
+    finally:
+        master.unregisterService("/of_nobody", "rosrpc://127.0.0.1:1")
 
 
 @pytest.mark.parametrize("uri", ["http://127.0.0.1:9", "http://no.such.host.invalid:11311", "nonsense", ""])

@@ -22,7 +22,7 @@ def play(arrivals, until):
     return repeats
 
 
-@pytest.mark.parametrize("rate", [10.0, 20.0, 33.3, 62.5, 100.0, 115.0])
+@pytest.mark.parametrize("rate", [10.0, 20.0, 33.3, 62.5, 100.0, 115.0, 117.0])
 def test_a_slow_feed_is_filled_to_the_full_rate(rate):
     arrivals = [n / rate for n in range(int(20 * rate))]
     repeats = play(arrivals, 20.0)

@@ -160,7 +160,7 @@ def test_a_speed_is_told_when_it_changes(ros):
     speed.SpeedPublisher(arm).start()
     for rate, is_new in ((None, True), (1.0, False), (1.0, True), (1.0, True), (0.5, True), (0.5, False), (0.0, True)):
         arm.arrived(state(rapid_rate=rate), is_new)
-    assert ros.topics["~speed_scaling_factor"].messages == [1.0, 0.5, 0.0]
+    assert [one.data for one in ros.topics["~speed_scaling_factor"].messages] == [1.0, 0.5, 0.0]
 
 
 # ---- robot_status ----

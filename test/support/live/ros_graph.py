@@ -185,11 +185,14 @@ def with_subscribers(publisher: Publisher, *outlets: TopicPublisher, count: int 
 
 def all_read(publisher: Publisher) -> None:
     """Wait until the subscribers have read everything that was sent; they handle it in the order they read it."""
-    ports = {link.socket.getpeername()[1] for outlet in publisher.offers for link in outlet.links}
+    # both ends: on a busy host another connection has the same port at one of its ends now and then
+    ends = {(link.socket.getpeername()[1], link.socket.getsockname()[1])
+            for outlet in publisher.offers for link in outlet.links}
 
     def unread() -> int:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-        return sum(int(row[4].split(":")[1], 16) for row in rows if int(row[1].split(":")[1], 16) in ports)
+        return sum(int(row[4].split(":")[1], 16) for row in rows
+                   if (int(row[1].split(":")[1], 16), int(row[2].split(":")[1], 16)) in ends)
     wait_until(lambda: unread() == 0, "subscribers read")
 
 

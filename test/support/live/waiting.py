@@ -3,11 +3,12 @@ import contextlib
 import socket
 import threading
 import time
-from typing import Any, Callable, List, Union
+from typing import Any, Callable, List, Optional, Tuple, Union
 
 WAIT = 60.0
 """Longest wait for something that must come, on a busy host, s; never a measure of speed."""
 _LOOK_S = 0.005
+_STALL_S = 0.05
 
 
 def eventually(condition: Callable[[], Any], timeout: float = WAIT) -> Any:
@@ -25,6 +26,43 @@ def wait_until(condition: Callable[[], Any], what: Union[str, Callable[[], str]]
     value = eventually(condition, timeout)
     assert value, "waited %g s in vain: %s" % (timeout, what if isinstance(what, str) else what())
     return value
+
+
+class StallWatch:
+    """The stalls of the host while a test measures a time: a bound on what the product takes must not count them.
+
+    Enter it before the first reading of ``time.monotonic`` that is compared.
+    """
+
+    def __init__(self) -> None:
+        self._stalls: List[Tuple[float, float]] = []
+        self._last = time.monotonic()
+        self._is_over = False
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def _watch(self) -> None:
+        while not self._is_over:
+            time.sleep(_LOOK_S)
+            now = time.monotonic()
+            if now - self._last > _STALL_S:
+                self._stalls.append((self._last + _LOOK_S, now))
+            self._last = now
+
+    def __enter__(self) -> "StallWatch":
+        self._last = time.monotonic()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._is_over = True
+        self._thread.join()
+
+    def between(self, begin: float, end: Optional[float] = None) -> float:
+        """Return the seconds from one reading to another, or to now, less those in which the host stood still."""
+        until = time.monotonic() if end is None else end
+        while self._last < until and self._thread.is_alive():  # a stall that ends just now is not written down yet
+            time.sleep(_LOOK_S)
+        return until - begin - sum(max(0.0, min(to, until) - max(since, begin)) for since, to in list(self._stalls))
 
 
 class InBackground:

@@ -20,7 +20,7 @@ SUMMARIES = {
     "jaka_foxglove": "show a running ROS 1 system to Foxglove and Lichtblick",
     "jaka_panel": "operator's page in the browser for JAKA arms",
     "jaka_sim": "simulated controller of a JAKA arm",
-    "jaka_sim panel": "ask the operator's panel of a running simulated controller",
+    "jaka_sim panel": "send a request to the operator port of a running simulated controller",
     "jaka_sim proxy": "record what passes between a driver and a controller",
 }
 PARSED = {"jaka_driver": "jaka_ros_driver.ros.node", "jaka_panel": "jaka_panel.program",
@@ -28,19 +28,19 @@ PARSED = {"jaka_driver": "jaka_ros_driver.ros.node", "jaka_panel": "jaka_panel.p
 """Programs whose parser is asked; jaka_bag has completions of its own."""
 
 
-class Parsed(BaseException):
+class ParserFound(BaseException):
     """A signal that carries a parser out of the program that was about to use it."""
 
 
 def parser_of(module: str) -> argparse.ArgumentParser:
     """Return the parser that a program makes."""
     def stop(parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        raise Parsed(parser)
+        raise ParserFound(parser)
     program = importlib.import_module(module)
     with mock.patch.object(argparse.ArgumentParser, "parse_args", stop):
         try:
             program.main([])
-        except Parsed as found:
+        except ParserFound as found:
             parser: argparse.ArgumentParser = found.args[0]
             return parser
     raise RuntimeError("%s parses no options" % module)

@@ -38,9 +38,10 @@ is, or made whole with 'jaka_bag recover'; at most the newest second is missing.
 Log times are the kernel's times of receipt (--stamp). Where the parameter /use_sim_time is true they are the times of
 /clock, as with rosbag record; messages that come before the first /clock get its time.
 
---state-log records exactly one driver: jaka_driver/tool_position, joint_position, robot_states and service_calls,
-and joint_states, tf, tf_static and diagnostics, all of the namespace (__ns:=/left or ROS_NAMESPACE). Of the global
-topics /tf, /tf_static and /diagnostics it takes the messages of the namespace's nodes, and no others.
+--state-log records the whole interface of exactly one driver: every topic that jaka_driver of the namespace
+(__ns:=/left or ROS_NAMESPACE) publishes, and every one that others send goals, trajectories, jog or servo targets to;
+besides joint_states, tf, tf_static and diagnostics of the namespace. Of the global topics /tf, /tf_static and
+/diagnostics it takes the messages of the namespace's nodes, and no others.
 
 What was lost is always said at the end, by topic: skipped header.seq numbers, the publishers' own bus statistics, and
 what the recorder itself had to throw away; an .mcap holds the same account in its metadata, and the ROS parameters

@@ -34,7 +34,7 @@ _SILENCES, _LEAST_SILENCE_S, _USUAL_INTERVALS = 40, 0.2, 8.0
 _STEADY = 20
 
 
-class Trigger(NamedTuple):
+class RecordedTrigger(NamedTuple):
     """The reason why a log was kept: the trigger's time, s, its kind, the observation in words, the topic."""
 
     at: float
@@ -43,7 +43,7 @@ class Trigger(NamedTuple):
     topic: str
 
 
-class Call(NamedTuple):
+class ServedCall(NamedTuple):
     """One service call; ``at`` is when it arrived, s; ``duration`` until it was answered, s."""
 
     at: float
@@ -56,7 +56,7 @@ class Call(NamedTuple):
     response: str
 
 
-class Change(NamedTuple):
+class StatusChange(NamedTuple):
     """A status of diagnostics that changed, s; ``before`` is empty at its first message."""
 
     at: float
@@ -113,12 +113,12 @@ class Incident:
     path: str
     at_ns: int
     span: Tuple[float, float]
-    triggers: List[Trigger] = field(default_factory=list)
+    triggers: List[RecordedTrigger] = field(default_factory=list)
     joints: Dict[str, Motion] = field(default_factory=dict)
     poses: Dict[str, Motion] = field(default_factory=dict)
     states: Dict[str, Dict[str, Tuple[Array, Array]]] = field(default_factory=dict)
-    calls: List[Call] = field(default_factory=list)
-    changes: List[Change] = field(default_factory=list)
+    calls: List[ServedCall] = field(default_factory=list)
+    changes: List[StatusChange] = field(default_factory=list)
     silences: List[Silence] = field(default_factory=list)
     counts: Dict[str, int] = field(default_factory=dict)
     drops: Dict[str, Dict[str, Any]] = field(default_factory=dict)
@@ -185,7 +185,7 @@ class _Loader:
         if not span[1] > span[0]:
             raise UsageError("%s has no messages at that time" % log.path)
         self._incident = Incident(str(log.path), self._at_ns, span, facts=facts, triggers=sorted(
-            Trigger(self._time(at_ns), kind, detail, topic) for at_ns, kind, detail, topic in triggers))
+            RecordedTrigger(self._time(at_ns), kind, detail, topic) for at_ns, kind, detail, topic in triggers))
         self._selection = Selection(start_time=self._at_ns + int(span[0] * NS_PER_S) - 1,
                                     end_time=self._at_ns + int(span[1] * NS_PER_S) + 1)
 
@@ -265,7 +265,7 @@ class _Loader:
     def _take_call(self, message: Message, values: Dict[str, Any]) -> None:
         stamp = values["header"]["stamp"]
         at = self._time(message.log_time) - values["duration"] if not stamp else stamp - self._at_ns / NS_PER_S
-        self._incident.calls.append(Call(
+        self._incident.calls.append(ServedCall(
             at, values["duration"], values["service"], values["caller"], values["success"], values["error"],
             values["request_text"], values["response_text"]))
 
@@ -275,7 +275,7 @@ class _Loader:
             before = levels.get(name)
             levels[name] = now
             if before is None or before[0] != now[0] or (before != now and now[0] != "OK"):
-                self._incident.changes.append(Change(self._time(message.log_time), name,
+                self._incident.changes.append(StatusChange(self._time(message.log_time), name,
                                                      "" if before is None else before[0], *now))
 
 

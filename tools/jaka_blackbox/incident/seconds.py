@@ -11,7 +11,7 @@ from .loading import Incident, Motion
 _LONGEST = 240
 
 
-class Event(NamedTuple):
+class IncidentEvent(NamedTuple):
     """Something that happened: when, s; of which sort (``trigger``, ``state``, ``call``, ``failed``, ``fault``,
     ``diagnostics``, ``silence``); in words.
     """
@@ -34,7 +34,7 @@ class Second(NamedTuple):
 
     start: int
     end: int
-    events: Tuple[Event, ...]
+    events: Tuple[IncidentEvent, ...]
     joint: Optional[Tuple[str, float]]
     tool: Optional[float]
 
@@ -49,27 +49,29 @@ def _short(text: str) -> str:
     return line if len(line) <= _LONGEST else line[:_LONGEST - 3] + "..."
 
 
-def events_of(incident: Incident) -> List[Event]:
+def events_of(incident: Incident) -> List[IncidentEvent]:
     """Return all events by time."""
-    events = [Event(one.at, "trigger", "TRIGGER %s: %s%s" % (
+    events = [IncidentEvent(one.at, "trigger", "TRIGGER %s: %s%s" % (
         one.kind, one.detail, " on %s" % one.topic if one.topic else "")) for one in incident.triggers]
     for topic, fields in incident.states.items():
         for name, (time, value) in fields.items():
             for number in (np.flatnonzero(np.diff(value)) + 1).tolist():
-                events.append(Event(float(time[number]), "state", "%s %s: %s -> %s" % (
+                events.append(IncidentEvent(float(time[number]), "state", "%s %s: %s -> %s" % (
                     topic, name, state_name(name, int(value[number - 1])), state_name(name, int(value[number])))))
     for call in incident.calls:
         words = "%s called by %s: %s" % (call.service, call.caller, _short(call.request))
         if call.success:
-            events.append(Event(call.at, "call", "%s; succeeded after %.3f s" % (words, call.duration)))
+            events.append(IncidentEvent(call.at, "call", "%s; succeeded after %.3f s" % (words, call.duration)))
         else:
-            events.append(Event(call.at, "failed", "%s; FAILED after %.3f s: %s" % (words, call.duration, call.error)))
+            events.append(IncidentEvent(call.at, "failed", "%s; FAILED after %.3f s: %s" % (
+                words, call.duration, call.error)))
     for change in incident.changes:
         if change.before or change.level != "OK":
-            events.append(Event(change.at, "fault" if change.level == "ERROR" else "diagnostics", "%s: %s%s, %s" % (
+            sort = "fault" if change.level == "ERROR" else "diagnostics"
+            events.append(IncidentEvent(change.at, sort, "%s: %s%s, %s" % (
                 change.name, "%s -> " % change.before if change.before else "", change.level, _short(change.message))))
     for silence in incident.silences:
-        events.append(Event(silence.start, "silence", "nothing came on %s for %.3f s" % (
+        events.append(IncidentEvent(silence.start, "silence", "nothing came on %s for %.3f s" % (
             silence.topic, silence.end - silence.start)))
     return sorted(event for event in events if incident.span[0] <= event.at <= incident.span[1])
 
@@ -105,7 +107,7 @@ def _tool_speed(incident: Incident, start: int) -> Optional[float]:
 
 def seconds_of(incident: Incident) -> List[Second]:
     """Return each second with an event or a motion, and the quiet stretches between, each joined into one."""
-    by_second: Dict[int, List[Event]] = {}
+    by_second: Dict[int, List[IncidentEvent]] = {}
     for event in events_of(incident):
         by_second.setdefault(math.floor(event.at), []).append(event)
     result: List[Second] = []

@@ -15,7 +15,7 @@ from jaka_bag.engines.tasks import FAILED, LogResult, LogTask, Serial, run_tasks
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.output_file import OutputFile
 
-from ..comparing.history import History, history_of
+from ..comparing.history import RunHistory, history_of
 from ..comparing.junit import as_junit
 from ..comparing.outcome import DIFFERENT, NOT_COMPARED, SAME, UNKNOWN, RunOutcome, worst_first
 from ..comparing.page import as_page
@@ -32,7 +32,8 @@ from .engine import add_engine, engine_of, for_workers, work_through
 EPILOG = """\
 Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
 stamps; alignment by the logs' own events, then by all joints together; timing and pace of each motion; joints,
-positions and orientations; sequences of states; service calls. A late start is no difference, a slow motion is.
+positions and orientations, along their path and at their own time; sequences of states; all other fields of all topics;
+service calls. A late start is no difference, a slow motion is. The last line tells what was not compared.
 
 Tolerances: jaka_bag compare --print-tolerances > cell.yaml writes the defaults with a comment at each.
 
@@ -44,6 +45,8 @@ Exit code: 0 same, 1 different, 2 cannot be compared (or usage).
 examples:
   jaka_bag compare golden.mcap today.bag
   jaka_bag compare golden.mcap today.mcap --tolerances cell.yaml --html report.html --junit report.xml
+  jaka_bag compare --audit golden.mcap
+  jaka_bag compare golden.mcap --learn good_runs  > learned.yaml
   jaka_bag compare golden.mcap --against logs --jobs 4
   jaka_bag compare golden.mcap --against logs --sweep wide.yaml --sweep tight.yaml
 """
@@ -174,7 +177,7 @@ def _report_name(outcome: RunOutcome) -> str:
     return "%s-%s.html" % (stem[-120:].lstrip("."), outcome.run[:8])
 
 
-def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, history: History,
+def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, history: RunHistory,
                        report: Report) -> None:
     """Write the reports of the worst runs; keep those that are there already."""
     settings = CompareSettings(os.path.abspath(setup.golden), setup.golden_hash, setup.tolerances,
@@ -195,13 +198,13 @@ def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, his
         run_tasks(compare_task, tasks, engine, take)
 
 
-def _links(history: History, reports: Path, page: Path) -> Dict[str, str]:
+def _links(history: RunHistory, reports: Path, page: Path) -> Dict[str, str]:
     """Return links from the page to the reports of runs that are there, by the run's key."""
     found = {run.key: reports / _report_name(run) for run in history.runs if run.verdict == DIFFERENT}
     return {key: os.path.relpath(str(path), str(page.parent)) for key, path in found.items() if path.exists()}
 
 
-def _write_outputs(args: argparse.Namespace, setup: Setup, folder: Path, history: History, page: Path) -> None:
+def _write_outputs(args: argparse.Namespace, setup: Setup, folder: Path, history: RunHistory, page: Path) -> None:
     links = _links(history, folder / REPORTS, page)
     data = json.dumps(as_data(history, setup), indent=1, allow_nan=False) + "\n"
     outputs = [(str(page), as_page(history, setup, args.against, links), True), (args.junit, as_junit(history), False),
@@ -276,7 +279,7 @@ def run_sweep(args: argparse.Namespace) -> int:
     return code
 
 
-def _write_sweep(args: argparse.Namespace, setup: Setup, folder: Path, history: History) -> None:
+def _write_sweep(args: argparse.Namespace, setup: Setup, folder: Path, history: RunHistory) -> None:
     for path, text in ((args.html, as_page(history, setup, args.against, _links(
             history, folder / REPORTS, Path(args.html)) if args.html else {})), (args.junit, as_junit(history))):
         if path:
@@ -297,6 +300,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_many(args: argparse.Namespace, tolerances: Tolerances) -> int:
+    if args.strict or args.audit or args.learn:
+        raise UsageError("--strict, --audit and --learn are for one log: leave out --against")
     if args.golden is None or args.candidate is not None:
         raise UsageError("with --against one log is needed, the golden one")
     if args.sweep and args.tolerances:

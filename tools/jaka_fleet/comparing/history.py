@@ -9,7 +9,7 @@ from jaka_bag.compare.verdict import Aspect
 from jaka_bag.messages.batch import Array
 
 from .outcome import DIFFERENT, NOT_COMPARED, SAME, UNKNOWN, RunOutcome
-from .trend import Change, Slope, find_change, theil_sen
+from .trend import ChangePoint, Slope, find_change, theil_sen
 
 CYCLE = "cycle time"
 _LEAST_OF_LIMIT = 0.05
@@ -17,9 +17,9 @@ _LEAST_OF_LIMIT = 0.05
 _LEAST_OF_PACE = 0.2
 GROUPS: Dict[str, Tuple[Aspect, ...]] = {
     "topics": (Aspect.TYPES, Aspect.COUNTS, Aspect.RATES, Aspect.JITTER, Aspect.GAPS, Aspect.LOST, Aspect.STAMPS),
-    "timing": (Aspect.ALIGNMENT, Aspect.TIMING, Aspect.PACE),
+    "timing": (Aspect.ALIGNMENT, Aspect.TIMING, Aspect.PACE, Aspect.LATENESS),
     "tool": (Aspect.POSITION, Aspect.ORIENTATION),
-    "fields": (Aspect.FIELDS,), "states": (Aspect.STATES,),
+    "fields": (Aspect.FIELDS, Aspect.CONTENTS), "states": (Aspect.STATES,),
     "calls": (Aspect.CALLS, Aspect.RESPONSES, Aspect.DURATIONS)}
 """Checks that are drawn as one line, besides the joints."""
 
@@ -47,7 +47,7 @@ class Series(NamedTuple):
     value: Array
     limit: float
     slope: Optional[Slope]
-    change: Optional[Change]
+    change: Optional[ChangePoint]
 
     @property
     def is_joint(self) -> bool:
@@ -103,7 +103,7 @@ class Cell(NamedTuple):
     groups: Dict[str, Array]
 
 
-class History(NamedTuple):
+class RunHistory(NamedTuple):
     """All runs.
 
     Attributes:
@@ -176,7 +176,7 @@ def _cell(name: str, runs: List[RunOutcome], tolerances: Tolerances) -> Cell:
                 {group: values for group, values in groups.items() if np.isfinite(values).any()})
 
 
-def history_of(outcomes: Sequence[RunOutcome], tolerances: Tolerances) -> History:
+def history_of(outcomes: Sequence[RunOutcome], tolerances: Tolerances) -> RunHistory:
     """Sort the runs into histories of their cells; ``tolerances`` are those that they were judged by."""
     runs = sorted(outcomes, key=lambda outcome: outcome.place)
     # a log that tells no time, because it cannot be read, has no place among the others
@@ -188,4 +188,4 @@ def history_of(outcomes: Sequence[RunOutcome], tolerances: Tolerances) -> Histor
         assert series.change is not None
         return abs(series.change.size) / max(series.limit, 1e-12)
 
-    return History(runs, cells, sorted(drifts, key=strength, reverse=True))
+    return RunHistory(runs, cells, sorted(drifts, key=strength, reverse=True))

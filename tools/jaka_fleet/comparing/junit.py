@@ -2,7 +2,7 @@
 from jaka_bag.compare.report.junit import Case, junit
 from jaka_bag.compare.report.text import check_line
 
-from .history import History
+from .history import RunHistory
 from .outcome import DIFFERENT, NOT_COMPARED, UNKNOWN, RunOutcome, as_check
 from .summary import drift_title, drift_words
 
@@ -19,7 +19,7 @@ def _case(run: RunOutcome) -> Case:
                          text="\n".join(lines) if run.verdict == DIFFERENT else "")
 
 
-def as_junit(history: History) -> str:
+def as_junit(history: RunHistory) -> str:
     """Return the runs as JUnit XML."""
     lines = [history.headline] + ["%s %s" % (drift_title(series), drift_words(series, history.runs_of(series.cell)))
                                   for series in history.drifts]

@@ -13,7 +13,7 @@ from jaka_bag.compare.tolerances import as_yaml
 from jaka_bag.messages.batch import Array
 from jaka_bag.units import NS_PER_S
 
-from .history import CYCLE, Cell, History, Series
+from .history import CYCLE, Cell, RunHistory, Series
 from .outcome import DIFFERENT, SAME, RunOutcome, worst_first
 from .store import Setup
 from .summary import WORST, day, drift_title, drift_words, run_words, shown, shown_slope
@@ -79,7 +79,7 @@ def _cell_title(cell: str) -> str:
     return cell or "all runs"
 
 
-def _first_drift(history: History, cell: str, joints: bool) -> Optional[float]:
+def _first_drift(history: RunHistory, cell: str, joints: bool) -> Optional[float]:
     """Return the number, from 1, of the run at which a cell's strongest drift begins; of joints, or of anything."""
     for series in history.drifts:
         if series.cell == cell and (series.is_joint or not joints) and series.first_changed is not None:
@@ -87,7 +87,7 @@ def _first_drift(history: History, cell: str, joints: bool) -> Optional[float]:
     return None
 
 
-def _drawn(history: History) -> List[Cell]:
+def _drawn(history: RunHistory) -> List[Cell]:
     """Return the cells that are drawn: those that drift, then those that come nearest to a limit."""
     drifting = [series.cell for series in history.drifts]
 
@@ -98,7 +98,7 @@ def _drawn(history: History) -> List[Cell]:
     return sorted(history.cells, key=order)[:_MOST_CELLS]
 
 
-def _margins(history: History) -> str:
+def _margins(history: RunHistory) -> str:
     parts = []
     for cell in _drawn(history):
         mark = _first_drift(history, cell.name, True)
@@ -146,7 +146,7 @@ def _series_figure(series: Series, runs: Sequence[RunOutcome]) -> Figure:
         (0.0, series.limit * factor) if series.is_joint else None, least=0.01 * typical * factor, x_unit="run"))
 
 
-def _drifts(history: History) -> str:
+def _drifts(history: RunHistory) -> str:
     legend = '<p class="legend"><span style="--k:var(--candidate)">measured</span>' \
              '<span class="fit">as fitted</span>%s%s</p>' % (_BAND, _MARK)
     cards = "".join('<article class="card bad"><h3>%s</h3><p>%s</p>%s</article>' % (
@@ -159,7 +159,7 @@ def _drifts(history: History) -> str:
 _STYLES = {SAME: "same", DIFFERENT: "different"}
 
 
-def _run_bars(history: History) -> str:
+def _run_bars(history: RunHistory) -> str:
     """Draw the runs of each cell on a time line, in days since the first one."""
     runs = [run for run in history.runs if run.start_ns > 0]
     if not runs:
@@ -185,7 +185,7 @@ def _table(heads: Sequence[str], rows: Iterable[str]) -> str:
         "".join('<th scope="col">%s</th>' % head for head in heads), "".join(rows))
 
 
-def _trend_row(series: Series, history: History) -> str:
+def _trend_row(series: Series, history: RunHistory) -> str:
     runs = history.runs_of(series.cell)
     first = series.first_changed
     left = series.runs_left
@@ -203,7 +203,7 @@ def _trend_row(series: Series, history: History) -> str:
                 + ("<br>limit: %s" % escape(future) if future else "")))
 
 
-def _trends(history: History) -> str:
+def _trends(history: RunHistory) -> str:
     series = [one for cell in history.cells for one in cell.series]
     series.sort(key=lambda one: one.change is None)
     rows = [_trend_row(one, history) for one in series[:_MOST_ROWS]]
@@ -218,7 +218,7 @@ def _margin(value: Optional[float]) -> str:
     return "" if value is None else "no amount" if math.isinf(value) else "%.2f" % value
 
 
-def _worst(history: History, reports: Mapping[str, str]) -> str:
+def _worst(history: RunHistory, reports: Mapping[str, str]) -> str:
     rows = []
     for run in worst_first(history.runs)[:WORST]:
         name = escape(os.path.basename(run.path))
@@ -229,7 +229,7 @@ def _worst(history: History, reports: Mapping[str, str]) -> str:
     return _table(("run and its report", "cell", "UTC", "of the limit", "worst check", "what differs"), rows)
 
 
-def _checks(history: History) -> str:
+def _checks(history: RunHistory) -> str:
     """Render the table of the checks that failed: how often, and where."""
     found: Dict[str, List[RunOutcome]] = {}
     for run in history.runs:
@@ -243,14 +243,14 @@ def _checks(history: History) -> str:
     return _table(("check", "runs", "cells", "first"), rows) if rows else ""
 
 
-def _left(history: History) -> str:
+def _left(history: RunHistory) -> str:
     left = [run for run in history.runs if run.verdict not in (SAME, DIFFERENT)]
     rows = ['<tr><th scope="row">%s</th><td>%s</td><td class="outcome not-compared">%s</td><td>%s</td></tr>' % (
         escape(run.path), escape(run.cell), escape(run.verdict), escape(run.reason)) for run in left[:_MOST_ROWS]]
     return _table(("log", "cell", "outcome", "why"), rows) if rows else ""
 
 
-def as_page(history: History, setup: Setup, against: str, reports: Mapping[str, str]) -> str:
+def as_page(history: RunHistory, setup: Setup, against: str, reports: Mapping[str, str]) -> str:
     """Return the page, to be written as UTF-8.
 
     Args:

@@ -7,9 +7,12 @@ is ``cannot be told``.
 """
 import dataclasses
 import math
+import re
 from typing import List, Optional, Tuple
 
 from jaka_bag.compare.checks.call_checks import allowed_duration
+from jaka_bag.compare.checks.content_checks import fixed_limit
+from jaka_bag.compare.checks.motion_checks import ONE_MOTION
 from jaka_bag.compare.checks.timing_checks import allowed_pace
 from jaka_bag.compare.comparison import scaled
 from jaka_bag.compare.matching.course import left_by
@@ -27,7 +30,8 @@ def needs_logs(before: Tolerances, after: Tolerances) -> List[str]:
     """Return the tolerances, as ``streams.gap_s``, that differ and decide what is measured."""
     names = ["%s.%s" % (section, name) for section, keys in _READ_AGAIN.items() for name in keys
              if getattr(getattr(before, section), name) != getattr(getattr(after, section), name)]
-    names += [name for name in ("nan", "ignore_topics") if getattr(before, name) != getattr(after, name)]
+    names += [name for name in ("contents", "nan", "ignore_topics", "ignore_fields")
+              if getattr(before, name) != getattr(after, name)]
     plain = [{(topic, field): dataclasses.replace(rule, absolute=0.0)
               for topic, rules in one.fields.items() for field, rule in rules.items()} for one in (before, after)]
     return names + (["fields"] if plain[0] != plain[1] else [])
@@ -55,7 +59,8 @@ def _depends(check: CheckOutcome, left: List[str]) -> bool:
     if "joints.position_rad" in left:  # the alignment
         return check.aspect != Aspect.TYPES.value
     about_calls = check.aspect in (Aspect.CALLS.value, Aspect.RESPONSES.value, Aspect.DURATIONS.value)
-    return "calls.timing_s" in left and about_calls or check.aspect == Aspect.STATES.value and any(
+    return "calls.timing_s" in left and about_calls or check.aspect in (
+        Aspect.STATES.value, Aspect.CONTENTS.value) and any(
         name.startswith("states.") for name in left)
 
 
@@ -82,6 +87,8 @@ def _rejudged(check: CheckOutcome, limits: Tolerances) -> CheckOutcome:
         return _type_again(check, limits)
     if check.measured is None or check.outcome == Outcome.NOT_COMPARED.value:
         return check
+    if aspect == Aspect.CONTENTS.value and not check.field.endswith(" timing"):
+        return check  # its limit follows from the golden log
     if aspect in SAMPLED:
         return _samples_again(check, *_sample_limits(check, limits))
     if aspect == Aspect.PACE.value:
@@ -102,10 +109,15 @@ def _plain_limit(check: CheckOutcome, limits: Tolerances) -> float:
     streams = limits.streams
     if check.aspect == Aspect.STAMPS.value:
         return streams.latency_ms if check.field == "latency" else streams.repeated_percent
+    if check.aspect == Aspect.LATENESS.value:
+        return ONE_MOTION * limits.timing.stale_ms if check.field.endswith("one motion") else limits.timing.stale_ms
+    if check.aspect == Aspect.TIMING.value and check.field.startswith("waits"):
+        return limits.timing.wait_s
     return {Aspect.COUNTS.value: streams.count_percent, Aspect.RATES.value: streams.rate_percent,
             Aspect.JITTER.value: streams.jitter_ms, Aspect.GAPS.value: streams.gap_length_s,
             Aspect.LOST.value: streams.lost_percent, Aspect.ALIGNMENT.value: limits.timing.event_s,
             Aspect.TIMING.value: limits.timing.event_s, Aspect.STATES.value: limits.states.timing_s,
+            Aspect.CONTENTS.value: limits.states.timing_s,
             Aspect.CALLS.value: limits.calls.timing_s, Aspect.RESPONSES.value: limits.calls.value_absolute,
             }[check.aspect]
 
@@ -119,7 +131,9 @@ def _sample_limits(check: CheckOutcome, limits: Tolerances) -> Tuple[float, floa
         return mm_to_m(limits.tcp.position_mm) * m_to_mm(1.0), limits.tcp.outside_percent, "mm"
     if check.aspect == Aspect.ORIENTATION.value:
         return limits.tcp.orientation_rad, limits.tcp.outside_percent, "rad"
-    return limits.fields[check.topic][check.field].absolute, 0.0, ""
+    rule = limits.fields.get(check.topic, {}).get(check.field)
+    fixed = fixed_limit(re.sub(r"\[\d+\]$", "", check.field), limits)
+    return rule.absolute if rule is not None else check.limit or 0.0 if fixed is None else fixed, 0.0, ""
 
 
 def _samples_again(check: CheckOutcome, limit: float, outside_percent: float, unit: str) -> CheckOutcome:

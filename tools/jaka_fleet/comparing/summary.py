@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Optional
 
 from jaka_bag.units import NS_PER_S
 
-from .history import History, Series
+from .history import RunHistory, Series
 from .outcome import NOT_COMPARED, RunOutcome, worst_first
 from .store import Setup, finite
 from .trend import Slope
@@ -65,7 +65,7 @@ def drift_words(series: Series, runs: List[RunOutcome]) -> str:
     return "; ".join(parts)
 
 
-def as_text(history: History, setup: Setup, verbose: bool = False) -> str:
+def as_text(history: RunHistory, setup: Setup, verbose: bool = False) -> str:
     """Return the verdicts, what drifts since when, the worst runs, and those that were not compared."""
     lines = ["golden: %s" % setup.golden]
     for run in history.runs if verbose else worst_first(history.runs)[:WORST]:
@@ -83,7 +83,7 @@ def _margin_words(margin: Optional[float]) -> str:
     return "" if margin is None or finite(margin) is None else " (%.2f of a limit)" % margin
 
 
-def as_data(history: History, setup: Setup) -> Dict[str, Any]:
+def as_data(history: RunHistory, setup: Setup) -> Dict[str, Any]:
     """Return the history as plain data, for JSON; each run's checks are in the tables."""
     return {"format": 1, "summary": history.headline, **setup.facts(),
             "runs": [{"run": run.run, "path": run.path, "cell": run.cell, "start_ns": run.start_ns,

@@ -61,7 +61,7 @@ def theil_sen(x: Array, y: Array) -> Optional[Slope]:
     return Slope(float(np.median(slopes)), float(slopes[max(low, 0)]), float(slopes[min(high, count - 1)]))
 
 
-class Change(NamedTuple):
+class ChangePoint(NamedTuple):
     """A change of level: from one point on values are other than before.
 
     Attributes:
@@ -105,7 +105,7 @@ def noise_of(values: Array) -> float:
     return (spread or float(np.std(steps))) / math.sqrt(2.0)
 
 
-def find_change(values: Array, least: float = 0.0) -> Optional[Change]:
+def find_change(values: Array, least: float = 0.0) -> Optional[ChangePoint]:
     """Find the point from which on values change, as a ramp or a jump, whichever fits better; None if none is sure.
 
     Args:
@@ -141,4 +141,4 @@ def find_change(values: Array, least: float = 0.0) -> Optional[Change]:
     is_sure = n * math.log(max(flat, 1e-300) / rest) > 2.0 * math.log(n) + _SURE
     if not is_sure or abs(size) <= max(_CHANGE_SIGMA * noise, least, _ROUNDING * abs(mean)):
         return None
-    return Change(begin, is_gradual, before, size, noise)
+    return ChangePoint(begin, is_gradual, before, size, noise)

@@ -17,7 +17,7 @@ from jaka_bag.messages.selection import compile_patterns
 from .viewers import add_server, run_server
 
 if TYPE_CHECKING:
-    from ..source import Source
+    from ..source import ChannelSource
 
 EPILOG = """\
 In Foxglove or Lichtblick: Open connection, Foxglove WebSocket, ws://localhost:8765. A layout for JAKA arms to import
@@ -31,9 +31,8 @@ Viewers see topics, parameters and who publishes what. They change nothing: no p
 --allow-calls lets them call services besides, as any ROS node may: they MOVE THE ARM. Services whose types are not
 installed here are left out.
 
---state-log shows one driver, as 'jaka_bag record --state-log' records it: jaka_driver/tool_position, joint_position,
-robot_states and service_calls, and joint_states, tf, tf_static and diagnostics, all of the namespace (__ns:=/left or
-ROS_NAMESPACE); of its services, those of the namespace.
+--state-log shows one driver: its topics below jaka_driver, and joint_states, tf, tf_static and diagnostics, all of the
+namespace (__ns:=/left or ROS_NAMESPACE); of its services, those of the namespace.
 NAME:=VALUE words remap topics; __name:=, __ns:= are known. Exit code: 0 done, 1 failed, 2 usage.
 """
 
@@ -72,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     if args.allow_calls:
         shown += ", and may call services, which move the arm"
 
-    def make_source() -> "Source":
+    def make_source() -> "ChannelSource":
         from ..live_topics import LiveOptions, LiveTopics
 
         with RemoteNode(master_uri(), names.node) as master:

@@ -10,7 +10,7 @@ from jaka_bag.errors import UsageError
 from .viewers import add_server, run_server
 
 if TYPE_CHECKING:
-    from ..source import Source
+    from ..source import ChannelSource
 
 EPILOG = """\
 In Foxglove: Open connection, Foxglove WebSocket, ws://localhost:8765. Its play bar pauses, seeks and sets the speed;
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until SIGINT or SIGTERM; 0 when all went well."""
-    def make_source() -> "Source":
+    def make_source() -> "ChannelSource":
         from jaka_bag.live.log_source import LogSource
 
         from ..log_playback import LogPlayback, PlaybackOptions

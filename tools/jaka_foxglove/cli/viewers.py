@@ -8,7 +8,7 @@ from jaka_bag.cli.notices import Notices
 from jaka_bag.errors import MissingDependency, UsageError
 
 if TYPE_CHECKING:  # aiohttp is needed when a server runs, not for its help
-    from ..source import Source
+    from ..source import ChannelSource
 
 DEFAULT_PORT = 8765
 _OPEN = "%s: everybody who reaches this port sees %s; nothing is encrypted, and nobody is asked for a password"
@@ -42,7 +42,7 @@ def _port(text: str) -> int:
 
 
 def run_server(args: argparse.Namespace, console: Notices, shown: str,
-               make_source: Callable[[], "Source"]) -> int:
+               make_source: Callable[[], "ChannelSource"]) -> int:
     """Serve until SIGINT or SIGTERM; return the exit code.
 
     Args:
@@ -72,7 +72,7 @@ def run_server(args: argparse.Namespace, console: Notices, shown: str,
         names.append(os.uname().nodename)
         console.always(_OPEN % (args.host, shown))
     rules = AccessRules(args.allow_origin, names)
-    limits = servers.Limits(args.max_viewers, args.buffer)
+    limits = servers.ViewerLimits(args.max_viewers, args.buffer)
     server = servers.FoxgloveServer(make_source(), rules, limits, console.always)
 
     def ready() -> None:

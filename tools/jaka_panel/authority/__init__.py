@@ -2,5 +2,5 @@
 
 control   one page has control; another one asks for it
 jog_hold  the dead-man between a page that holds a button and the driver's velocity jog
-budget    how many messages a page may send
+rate_limiter  how many messages a page may send
 """

@@ -37,7 +37,7 @@ _STEP_DONE = {"length": 2e-5, "angle": 5e-5}
 _LARGEST_STEP = {"length": 0.1, "angle": 0.35}
 
 
-class Limits(NamedTuple):
+class JogSpeedLimits(NamedTuple):
     """Speeds at a fraction of 1: of a joint, rad/s, of the tool, m/s, and of its turning, rad/s."""
 
     joint: float
@@ -128,7 +128,7 @@ def heartbeat_from(message: Mapping[str, Any]) -> Heartbeat:
     return beat
 
 
-class Lateness:
+class DelayEstimate:
     """An estimate of the delay of one page's messages over its quickest ones, by the page's clock."""
 
     def __init__(self) -> None:
@@ -176,7 +176,7 @@ class JogHold:
         """The arm that is held now."""
         return self._hold.arm if self._hold is not None else None
 
-    def heartbeat(self, page: str, beat: Heartbeat, lateness: float, place: Optional[Place], limits: Limits,
+    def heartbeat(self, page: str, beat: Heartbeat, lateness: float, place: Optional[Place], limits: JogSpeedLimits,
                   now: float) -> None:
         """Handle a heartbeat of the page that has control.
 
@@ -275,7 +275,8 @@ class JogHold:
         self._tell(hold.page, {"t": "jog", "arm": hold.arm, "hold": hold.number, "state": state, "why": why,
                                "late": hold.late})
 
-    def _values(self, hold: _Hold, beat: Heartbeat, place: Place, limits: Limits) -> Optional[Tuple[float, ...]]:
+    def _values(self, hold: _Hold, beat: Heartbeat, place: Place,
+                limits: JogSpeedLimits) -> Optional[Tuple[float, ...]]:
         """Return the velocities to publish; None if a step is done."""
         full = (limits.joint,) * 6 if beat.space == "joint" else (limits.linear,) * 3 + (limits.angular,) * 3
         speeds = [self.fraction * limit * share for limit, share in zip(full, _not_longer_than_1(beat))]

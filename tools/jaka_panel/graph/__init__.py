@@ -7,7 +7,7 @@ arm_feed       what one driver publishes: newest values, curves, events
 requests       what a page may ask for, as calls of the driver's services
 calls          calls in threads of their own, with a time limit
 stopper        the stop: its own thread and connection
-jog_topics     the driver's velocity jog topics
+jog_publishers  the publishers of the driver's velocity jog topics
 description    URDF, limits of the joints, meshes
 trajectories   trajectories to the driver's action
 """

@@ -10,10 +10,10 @@ import time
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-import rospy as untyped_rospy
+import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
-from roslib import message as untyped_roslib
+from roslib import message as roslib_message
 
 from ..record.alarms import AlarmBook, event_of
 from ..record.history import Differences, History
@@ -21,8 +21,6 @@ from . import raw_messages
 from .arms import Driver
 from .rotations import vector_from_quaternion, vector_from_rpy
 
-rospy: Any = untyped_rospy
-roslib_message: Any = untyped_roslib
 _LOG = logging.getLogger(__name__)
 
 STALE_S = 0.3

@@ -2,9 +2,8 @@
 import logging
 from typing import Any, Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Tuple
 
-import rosgraph as untyped_rosgraph
+import rosgraph
 
-rosgraph: Any = untyped_rosgraph
 _LOG = logging.getLogger(__name__)
 _MARK, _MARK_TYPE = "/robot_states", "jaka_msgs/RobotMsg"
 """The topic by which a driver is known."""

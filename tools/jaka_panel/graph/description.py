@@ -9,11 +9,10 @@ from typing import Any, Dict, List, Optional
 from urllib.parse import unquote, urlsplit
 from xml.etree import ElementTree
 
-import rospkg as untyped_rospkg
+import rospkg
 
 from jaka_regression import programs
 
-rospkg: Any = untyped_rospkg
 _JOINT = re.compile(r"joint_[1-6]\Z")
 _TEXTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")
 _MESHES = (".stl", ".dae", ".obj", ".mtl", ".gltf", ".glb", ".bin")

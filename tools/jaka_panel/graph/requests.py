@@ -5,14 +5,11 @@ Poses of pages are x, y, z, m, and a rotation vector, rad.
 import math
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
-import rospy as untyped_rospy
-from roslib import message as untyped_roslib
+import rospy
+from roslib import message as roslib_message
 
 from .arms import Driver
 from .rotations import rpy_from_vector, vector_from_rpy
-
-rospy: Any = untyped_rospy
-roslib_message: Any = untyped_roslib
 
 BANKS = {"cabinet": 0, "tool": 1, "extension": 2}
 SHORT_S, LONG_S, MOTION_S = 10.0, 60.0, 86400.0
@@ -28,7 +25,7 @@ class WrongRequest(ValueError):
     """A request that cannot be understood; the text says what is valid."""
 
 
-class Outcome(NamedTuple):
+class CallResult(NamedTuple):
     """The end of a call: success and message of the driver, and what the page gets besides."""
 
     ok: bool
@@ -46,7 +43,7 @@ class Request(NamedTuple):
         is_motion: True if it moves the arm, which is stopped when its page goes away.
     """
 
-    perform: Callable[[Driver, Mapping[str, Any]], Outcome]
+    perform: Callable[[Driver, Mapping[str, Any]], CallResult]
     timeout: float = SHORT_S
     needs_control: bool = True
     is_motion: bool = False
@@ -62,10 +59,10 @@ def _call(driver: Driver, name: str, kind: str, /, **fields: Any) -> Any:
         raise WrongRequest("%s/%s: %s" % (driver.node, name, error)) from error
 
 
-def _told(response: Any) -> Outcome:
+def _told(response: Any) -> CallResult:
     """Return the outcome of a response that has ret or success, and message."""
     ok = response.ret == 1 if hasattr(response, "ret") else bool(response.success)
-    return Outcome(ok, str(response.message))
+    return CallResult(ok, str(response.message))
 
 
 # ---- fields of a page's request ----
@@ -118,24 +115,24 @@ def _pose(args: Mapping[str, Any]) -> List[float]:
 
 # ---- what is asked for ----
 
-def _switch(name: str) -> Callable[[Driver, Mapping[str, Any]], Outcome]:
+def _switch(name: str) -> Callable[[Driver, Mapping[str, Any]], CallResult]:
     return lambda driver, args: _told(_call(driver, name, "std_srvs/SetBool", data=flag(args, "on")))
 
 
-def _trigger(name: str) -> Callable[[Driver, Mapping[str, Any]], Outcome]:
+def _trigger(name: str) -> Callable[[Driver, Mapping[str, Any]], CallResult]:
     return lambda driver, args: _told(_call(driver, name, "std_srvs/Trigger"))
 
 
-def _clear_err(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _clear_err(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "clear_err", "jaka_msgs/ClearErr"))
 
 
-def _speed(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _speed(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "set_speed_slider", "jaka_msgs/SetSpeedSlider",
                        speed_slider_fraction=number(args, "fraction")))
 
 
-def _set_output(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _set_output(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     signal, bank = text(args, "signal", ("digital", "analog")), BANKS[text(args, "bank", tuple(BANKS))]
     value = args.get("value")
     wanted = float(value) if type(value) is bool else number(args, "value")
@@ -143,51 +140,51 @@ def _set_output(driver: Driver, args: Mapping[str, Any]) -> Outcome:
     done = _told(_call(driver, "set_io", "jaka_msgs/SetIO", signal=signal, type=bank, index=index, value=wanted))
     read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal, path=1, type=bank, index=index)
     if read.message.startswith("error:"):
-        return Outcome(False, done.message if not done.ok else read.message)
+        return CallResult(False, done.message if not done.ok else read.message)
     is_same = (read.value != 0.0) == (wanted != 0.0) if signal == "digital" else (
         abs(read.value - wanted) <= _READ_BACK * max(1.0, abs(wanted)))
     shown = bool(read.value) if signal == "digital" else round(read.value, 6)
-    return Outcome(done.ok and is_same, done.message if is_same else "read back %s" % shown, {"value": shown})
+    return CallResult(done.ok and is_same, done.message if is_same else "read back %s" % shown, {"value": shown})
 
 
-def _get_io(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _get_io(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     signal = text(args, "signal", ("digital", "analog"))
     read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal,
                  path=("input", "output").index(text(args, "direction", ("input", "output"))),
                  type=BANKS[text(args, "bank", tuple(BANKS))], index=whole(args, "index"))
     if read.message.startswith("error:"):
-        return Outcome(False, read.message)
-    return Outcome(True, read.message, {"value": bool(read.value) if signal == "digital" else round(read.value, 6)})
+        return CallResult(False, read.message)
+    return CallResult(True, read.message, {"value": bool(read.value) if signal == "digital" else round(read.value, 6)})
 
 
-def _tool_frame(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _tool_frame(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "set_toolframe", "jaka_msgs/SetTcpFrame", pose=_pose(args),
                        tool_num=whole(args, "number")))
 
 
-def _user_frame(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _user_frame(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "set_userframe", "jaka_msgs/SetUserFrame", pose=_pose(args),
                        user_num=whole(args, "number")))
 
 
-def _payload(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _payload(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     x, y, z = (1000.0 * value for value in numbers(args, "centre", 3))
     return _told(_call(driver, "set_payload", "jaka_msgs/SetPayload", tool_num=whole(args, "tool"),
                        mass=number(args, "mass"), xc=x, yc=y, zc=z))
 
 
-def _collision(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _collision(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     level = whole(args, "level", 0, 4)
     return _told(_call(driver, "set_collisionlevel", "jaka_msgs/SetCollision", is_enable=level > 0,
                        value=_COLLISION_VALUES.get(level, _COLLISION_VALUES[1])))
 
 
-def _joint_move(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _joint_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "joint_move", "jaka_msgs/Move", pose=numbers(args, "q", 6),
                        mvvelo=number(args, "speed"), mvacc=number(args, "acc", _DEFAULT_JOINT_ACCELERATION)))
 
 
-def _linear_move(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _linear_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     pose = _pose(args)
     if driver.interface == "vendor":  # of 2024: ends at the inverse of the vector's rotation
         pose[3:] = [-value for value in pose[3:]]
@@ -201,25 +198,25 @@ def _failed(values: Sequence[float]) -> bool:
     return len(values) != 6 or not all(map(math.isfinite, values)) or all(value > _FAILURE for value in values)
 
 
-def _fk(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _fk(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     response = _call(driver, "get_fk", "jaka_msgs/GetFK", joint=numbers(args, "q", 6))
     pose = list(response.cartesian_pose)
     if _failed(pose):
-        return Outcome(False, str(response.message))
-    return Outcome(True, str(response.message), {"p": [0.001 * value for value in pose[:3]],
+        return CallResult(False, str(response.message))
+    return CallResult(True, str(response.message), {"p": [0.001 * value for value in pose[:3]],
                                                  "r": vector_from_rpy(pose[3:])})
 
 
-def _ik(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _ik(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     pose = _pose(args)
     response = _call(driver, "get_ik", "jaka_msgs/GetIK", ref_joint=numbers(args, "near", 6),
                      cartesian_pose=pose[:3] + rpy_from_vector(pose[3:]))
     joints = list(response.joint)
-    return Outcome(False, str(response.message)) if _failed(joints) else Outcome(
+    return CallResult(False, str(response.message)) if _failed(joints) else CallResult(
         True, str(response.message), {"q": joints})
 
 
-def _program_load(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+def _program_load(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "program/load", "jaka_msgs/LoadProgram", name=text(args, "name")))
 
 

@@ -5,10 +5,9 @@ import queue
 import threading
 from typing import Any, Callable, List
 
-import rospy as untyped_rospy
+import rospy
 from std_srvs.srv import Empty
 
-rospy: Any = untyped_rospy
 _LOG = logging.getLogger(__name__)
 _SECOND_WAY_S = 0.3
 """Time without an answer, s, after which a stop is sent on a second connection; to stop twice does no harm."""

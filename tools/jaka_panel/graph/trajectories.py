@@ -10,7 +10,7 @@ from jaka_bag.messages.batch import Array
 from jaka_regression.trajectory_client import TrajectoryClient
 
 from ..plans.point_plan import Plan
-from .requests import Outcome
+from .requests import CallResult
 
 START_TOLERANCE_RAD = 0.01
 _CONNECT_S = 5.0
@@ -28,18 +28,18 @@ def away_from_start(plan: Plan, joints: Optional[Sequence[float]]) -> Optional[s
     return "joint %d is %.4f rad from where the plan begins: move there first" % (number, distance)
 
 
-def run(action: str, plan: Plan, cancelled: threading.Event) -> Outcome:
+def run(action: str, plan: Plan, cancelled: threading.Event) -> CallResult:
     """Have the arm go along a plan, and wait for its rest; when cancelled, it brakes on its path."""
     try:
         client = TrajectoryClient(action, _CONNECT_S)
     except JakaBagError as error:
-        return Outcome(False, str(error))
+        return CallResult(False, str(error))
     try:
         end = client.follow(JOINTS, np.array(plan.time), np.array(plan.position), _rows(plan.velocity),
                             _rows(plan.acceleration), cancelled)
     finally:
         client.close()
-    return Outcome(end.succeeded, end.text)
+    return CallResult(end.succeeded, end.text)
 
 
 def _rows(values: Sequence[Sequence[float]]) -> Array:

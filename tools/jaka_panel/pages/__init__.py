@@ -7,6 +7,6 @@ arm_desk        all that belongs to one arm
 hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop
 session         one page: its messages out, what it watches and moves
-conversation    the WebSocket session of a page, from hello to the end
+websocket_session  the WebSocket session of a page, from hello to the end
 server          addresses, and the end
 """

@@ -2,11 +2,11 @@
 import threading
 from typing import Any, Dict, List, Optional, Set
 
-from ..authority.jog_hold import Limits, Place
+from ..authority.jog_hold import JogSpeedLimits, Place
 from ..graph import description
 from ..graph.arm_feed import STALE_S, ArmFeed
 from ..graph.arms import Driver
-from ..graph.jog_topics import JogTopics
+from ..graph.jog_publishers import JogPublishers
 from ..graph.stopper import Stopper
 
 _LINGER_S = 10.0
@@ -34,7 +34,7 @@ class ArmDesk:
         self.driver = driver
         self.feed = ArmFeed(driver)
         self.stopper = Stopper(driver.node)
-        self.jog = JogTopics(driver.node)
+        self.jog = JogPublishers(driver.node)
         self.is_listed = True
         self.has_simulator = False
         self.simulator_port = driver.simulator_port or simulator_port
@@ -83,9 +83,9 @@ class ArmDesk:
         return None if self._description is None else self._description.joints
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> JogSpeedLimits:
         """The limits of the velocity jog."""
-        return Limits(**self.driver.jog_limits)
+        return JogSpeedLimits(**self.driver.jog_limits)
 
     def place(self, now: float) -> Optional[Place]:
         """Return where the arm is, None if that is not fresh."""

@@ -6,9 +6,9 @@ from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
 
 from ..graph import trajectories
 from ..graph.calls import NoAnswer, TooManyCalls
-from ..graph.requests import MOTION_S, REQUESTS, Outcome, WrongRequest, number, text
+from ..graph.requests import MOTION_S, REQUESTS, CallResult, WrongRequest, number, text
+from ..plans.plan_store import LOG_TIMEOUT_S
 from ..plans.point_plan import WrongPlan, plan_of_points
-from ..plans.shelf import LOG_TIMEOUT_S
 from . import simulator_link
 from .arm_desk import ArmDesk
 from .hub import Hub
@@ -17,7 +17,7 @@ from .session import Session
 _SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
 _SLOWEST_JOG = 0.01
 Args = Mapping[str, Any]
-Perform = Callable[[Hub, Session, Any, Args], Awaitable[Outcome]]
+Perform = Callable[[Hub, Session, Any, Args], Awaitable[CallResult]]
 
 
 class Command(NamedTuple):
@@ -34,92 +34,92 @@ class Command(NamedTuple):
     needs_arm: bool = True
 
 
-async def answer_to(hub: Hub, page: Session, message: Args) -> Outcome:
+async def answer_to(hub: Hub, page: Session, message: Args) -> CallResult:
     """Carry out a command that the page may ask for; whatever goes wrong is reported in the outcome."""
     command = COMMANDS[str(message.get("cmd"))]
     args = message.get("args", {})
     desk = hub.arms.get(str(message.get("arm")))
     if not isinstance(args, dict):
-        return Outcome(False, "args must be an object")
+        return CallResult(False, "args must be an object")
     if command.needs_arm and desk is None:
-        return Outcome(False, "no such arm")
+        return CallResult(False, "no such arm")
     try:
-        outcome: Outcome = await command.perform(hub, page, desk, args)
+        outcome: CallResult = await command.perform(hub, page, desk, args)
         return outcome
     except (WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError) as error:
-        return Outcome(False, str(error))
+        return CallResult(False, str(error))
 
 
-async def _service(name: str, hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+async def _service(name: str, hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     request = REQUESTS[name]
     if request.is_motion:
         page.begins_motion(desk.driver.node, time.monotonic())
     try:
-        outcome: Outcome = await hub.calls.run(lambda: request.perform(desk.driver, args), request.timeout)
+        outcome: CallResult = await hub.calls.run(lambda: request.perform(desk.driver, args), request.timeout)
         return outcome
     finally:
         if request.is_motion:
             page.ends_motion(desk.driver.node, time.monotonic())
 
 
-async def _jog_speed(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> Outcome:
+async def _jog_speed(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
     fraction = number(args, "fraction")
     if not _SLOWEST_JOG <= fraction <= hub.settings.jog_fraction:
-        return Outcome(False, "fraction must be within %g to %g" % (_SLOWEST_JOG, hub.settings.jog_fraction))
+        return CallResult(False, "fraction must be within %g to %g" % (_SLOWEST_JOG, hub.settings.jog_fraction))
     hub.set_jog_fraction(fraction)
-    return Outcome(True, "", {"fraction": fraction})
+    return CallResult(True, "", {"fraction": fraction})
 
 
-async def _plan_points(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+async def _plan_points(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     plan = plan_of_points(args.get("points"), desk.joint_limits)
-    return Outcome(True, "", plan.shown(hub.shelf.put(desk.driver.node, plan)))
+    return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
 
 
-async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     factor = number(args, "speed", 1.0)
     if not _SLOWEST_LOG <= factor <= _FASTEST_LOG:
-        return Outcome(False, "speed must be within %g to %g" % (_SLOWEST_LOG, _FASTEST_LOG))
+        return CallResult(False, "speed must be within %g to %g" % (_SLOWEST_LOG, _FASTEST_LOG))
     about, name = desk.description, text(args, "file")
     if about is None:
-        return Outcome(False, "the arm's description is not known")
+        return CallResult(False, "the arm's description is not known")
     urdf = about.text
     plan = await hub.calls.run(lambda: hub.logs.plan(name, factor, urdf), LOG_TIMEOUT_S + 1.0)
-    return Outcome(True, "", plan.shown(hub.shelf.put(desk.driver.node, plan)))
+    return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
 
 
-async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
-    plan = hub.shelf.get(desk.driver.node, args.get("plan"))
+async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    plan = hub.plans.get(desk.driver.node, args.get("plan"))
     action, joints = desk.driver.action, desk.feed.joints
     if action is None:
-        return Outcome(False, "the driver takes no trajectories")
+        return CallResult(False, "the driver takes no trajectories")
     problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
                                            else joints.position)
     if problem is not None:
-        return Outcome(False, problem)
+        return CallResult(False, problem)
     cancelled = threading.Event()
     desk.cancels.add(cancelled)
     page.begins_motion(desk.driver.node, time.monotonic())
     try:
-        outcome: Outcome = await hub.calls.run(lambda: trajectories.run(action, plan, cancelled), MOTION_S)
+        outcome: CallResult = await hub.calls.run(lambda: trajectories.run(action, plan, cancelled), MOTION_S)
         return outcome
     finally:
         page.ends_motion(desk.driver.node, time.monotonic())
         desk.cancels.discard(cancelled)
 
 
-async def _logs(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> Outcome:
-    return Outcome(True, "", {"logs": hub.logs.entries()})
+async def _logs(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
+    return CallResult(True, "", {"logs": hub.logs.entries()})
 
 
-async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     action = text(args, "action", simulator_link.ACTIONS)
     if not desk.has_simulator or desk.feed.simulated is not True:
-        return Outcome(False, "this arm's controller is no simulated one whose panel can be reached")
+        return CallResult(False, "this arm's controller is no simulated one whose operator port can be reached")
     if action not in simulator_link.READING and hub.control.holder != page.id:
-        return Outcome(False, "this needs control")
+        return CallResult(False, "this needs control")
     answer = await simulator_link.ask(desk.simulator_port, args)
     ok = answer.pop("ok", False) is True
-    return Outcome(ok, str(answer.pop("error", "")), answer)
+    return CallResult(ok, str(answer.pop("error", "")), answer)
 
 
 COMMANDS: Dict[str, Command] = {

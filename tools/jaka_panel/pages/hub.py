@@ -19,7 +19,7 @@ from ..authority.jog_hold import (
 from ..graph.arm_feed import STALE_S
 from ..graph.arms import ArmFinder, Driver
 from ..graph.calls import Calls
-from ..plans.shelf import LogFolder, Shelf
+from ..plans.plan_store import LogDirectory, PlanStore
 from ..settings import Settings
 from . import simulator_link
 from .arm_desk import ArmDesk
@@ -58,7 +58,7 @@ class Hub:
         control: The page that has control.
         jog: The button that is held.
         calls: Calls of services.
-        shelf: Plans that pages may run.
+        plans: Plans that pages may run.
         logs: Folder of logs.
         connections: Connections of pages, also of those that have not said hello yet.
     """
@@ -70,8 +70,8 @@ class Hub:
         self.control = Control()
         self.jog = JogHold(self._say, self.tell)
         self.calls = Calls()
-        self.shelf = Shelf()
-        self.logs = LogFolder(settings.logs)
+        self.plans = PlanStore()
+        self.logs = LogDirectory(settings.logs)
         self._finder = finder
         self._graph = ThreadPoolExecutor(1, "graph")
         self._looks: Optional[asyncio.Event] = None
@@ -252,7 +252,7 @@ class Hub:
     def _say(self, velocity: Velocity) -> None:
         desk = self.arms.get(velocity.arm)
         if desk is not None:
-            desk.jog.say(velocity.space, velocity.values)
+            desk.jog.publish(velocity.space, velocity.values)
 
     async def stop(self, arm: Optional[str]) -> str:
         """Stop one arm, or all; return which did not confirm it, empty if all have stopped."""

@@ -11,9 +11,9 @@ from aiohttp import web
 from .. import __version__
 from ..settings import PORTS_TRIED, Settings
 from .access import HEADERS, Access, sent_twice
-from .conversation import converse
 from .files import page_file
 from .hub import Hub
+from .websocket_session import converse
 
 _LOG = logging.getLogger(__name__)
 _DECIDE = ("Host", "Origin", "Sec-Fetch-Site", "Authorization")

@@ -6,8 +6,8 @@ from typing import Any, Deque, Dict, List, Optional, Set
 
 from aiohttp import web
 
-from ..authority.budget import Budget
-from ..authority.jog_hold import Lateness
+from ..authority.jog_hold import DelayEstimate
+from ..authority.rate_limiter import RateLimiter
 
 MESSAGE_RATE, MESSAGE_BURST = 200.0, 100.0
 COSTLY_RATE, COSTLY_BURST = 3.0, 15.0
@@ -34,7 +34,7 @@ class Session:
         plots: True if it wants curves.
         heard_at: Reception of its last message, monotonic time, s.
         lateness: Delay of its messages.
-        budget: Rate limiter of its messages.
+        message_rate: Rate limiter of its messages.
         costly: Rate limiter of the messages whose answers are costly.
         waiting: Commands that are running.
         is_too_slow: True if it does not take what it is sent.
@@ -48,9 +48,9 @@ class Session:
         self.watched: Set[str] = set()
         self.plots = False
         self.heard_at = now
-        self.lateness = Lateness()
-        self.budget = Budget(MESSAGE_RATE, MESSAGE_BURST, now)
-        self.costly = Budget(COSTLY_RATE, COSTLY_BURST, now)
+        self.lateness = DelayEstimate()
+        self.message_rate = RateLimiter(MESSAGE_RATE, MESSAGE_BURST, now)
+        self.costly = RateLimiter(COSTLY_RATE, COSTLY_BURST, now)
         self.waiting = 0
         self.is_too_slow = False
         self._socket, self._transport = socket, transport

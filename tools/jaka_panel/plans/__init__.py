@@ -2,5 +2,5 @@
 
 point_plan   from points of joints
 log_plan     from a log; a program of its own, because it computes for seconds
-shelf        the plans that pages may run, and the folder of logs
+plan_store   the plans that pages may run, and the folder of logs
 """

@@ -21,7 +21,7 @@ def main(argv: List[str]) -> int:
     """Print the plan, or ``{"error": TEXT}``; 0 done, 1 refused."""
     os.nice(_NICE)
     try:
-        recording = recorded_joints(load_run(argv[0]))
+        recording = recorded_joints(load_run(argv[0], with_contents=False))
         limits = limits_from_urdf(sys.stdin.read(), recording.names)
         parameters = LogParameters(argv[0], recording.node)
         in_log = parameters.description

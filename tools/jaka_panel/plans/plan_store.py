@@ -15,7 +15,7 @@ _LOG_PLAN = "jaka_panel.plans.log_plan"
 LOG_TIMEOUT_S = 120.0
 
 
-class Shelf:
+class PlanStore:
     """The newest plans by name, each for one arm."""
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Shelf:
         return found[1]
 
 
-class LogFolder:
+class LogDirectory:
     """The logs in one folder, not below it."""
 
     def __init__(self, folder: Optional[str]) -> None:

@@ -23,7 +23,7 @@ _POLICY, _TOO_MANY = 1008, 1013
 Message = Dict[str, Any]
 
 
-class Conversation:
+class WebSocketSession:
     """The WebSocket session of one page: handles its messages, sends answers."""
 
     def __init__(self, hub: Hub, access: Access, page: Session) -> None:
@@ -193,10 +193,10 @@ async def converse(hub: Hub, access: Access, request: web.Request) -> web.WebSoc
         return socket
     hub.connections += 1
     page = Session(hub.next_page(), socket, request.transport, __version__, time.monotonic())
-    conversation = Conversation(hub, access, page)
+    session = WebSocketSession(hub, access, page)
     writer: asyncio.Future[None] = asyncio.ensure_future(page.write_for_ever())
     try:
-        why = await _greeted(socket, conversation) or await _listen(socket, conversation, page)
+        why = await _greeted(socket, session) or await _listen(socket, session, page)
         if why:
             await page.end(_POLICY, why)
     finally:
@@ -206,26 +206,26 @@ async def converse(hub: Hub, access: Access, request: web.Request) -> web.WebSoc
     return socket
 
 
-async def _greeted(socket: web.WebSocketResponse, conversation: Conversation) -> str:
+async def _greeted(socket: web.WebSocketResponse, session: WebSocketSession) -> str:
     """Wait for hello; empty when it has come, else why the page is refused."""
     try:
         first = await asyncio.wait_for(socket.receive(), HELLO_S)
     except asyncio.TimeoutError:
         return "no hello"
     message = _object(first)
-    return "" if message is not None and await conversation.hello(message) else "no hello"
+    return "" if message is not None and await session.hello(message) else "no hello"
 
 
-async def _listen(socket: web.WebSocketResponse, conversation: Conversation, page: Session) -> str:
+async def _listen(socket: web.WebSocketResponse, session: WebSocketSession, page: Session) -> str:
     """Take messages until the page ends; why it is ended, empty where it has ended by itself."""
     async for received in socket:
         page.heard_at = time.monotonic()
-        if not page.budget.spend(page.heard_at):
+        if not page.message_rate.spend(page.heard_at):
             return "too many messages"
         message = _object(received)
         if message is None:
             return "not a JSON object"
-        conversation.take(message)
+        session.take(message)
     return ""
 
 

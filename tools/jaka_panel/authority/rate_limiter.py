@@ -1,7 +1,7 @@
 """The limit on how many messages a page may send."""
 
 
-class Budget:
+class RateLimiter:
     """A rate limiter: a number of messages a second, and a number at once; what exceeds them is refused."""
 
     def __init__(self, rate: float, burst: float, now: float) -> None:
@@ -16,7 +16,7 @@ class Budget:
         self._left, self._at = burst, now
 
     def spend(self, now: float) -> bool:
-        """Take one message from the budget; False where nothing is left."""
+        """Count one message; return False where it exceeds the rate."""
         self._left = min(self._burst, self._left + self._rate * (now - self._at))
         self._at = now
         if self._left < 1.0:

@@ -1,0 +1,5 @@
+import genpy
+
+class AnyMsg(genpy.Message):
+    _buff: bytes
+    def __init__(self, *args: bytes) -> None: ...

@@ -1,0 +1,9 @@
+import genpy
+
+class Time(genpy.Time):
+    @staticmethod
+    def now() -> Time: ...
+
+class Duration(genpy.Duration): ...
+
+def get_rostime() -> Time: ...

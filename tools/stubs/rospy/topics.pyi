@@ -1,0 +1,70 @@
+from typing import Any, Callable, Generic, TypeVar, overload
+
+import genpy
+
+from .impl.tcpros_base import TCPROSTransport
+
+_M = TypeVar("_M", bound=genpy.Message)
+_A = TypeVar("_A")
+
+class Topic:
+    resolved_name: str
+    name: str
+    def __init__(self, name: str, data_class: Any, reg_type: str) -> None: ...
+    def get_num_connections(self) -> int: ...
+    def unregister(self) -> None: ...
+
+class Publisher(Topic, Generic[_M]):
+    data_class: type[_M]
+    # Without a queue size a subscriber that has stopped holds up the publisher: so it is no option here.
+    def __init__(
+        self,
+        name: str,
+        data_class: type[_M],
+        subscriber_listener: None = None,
+        tcp_nodelay: bool = False,
+        latch: bool = False,
+        headers: dict[str, str] | None = None,
+        *,
+        queue_size: int,
+    ) -> None: ...
+    # rospy takes the fields of a message, too; here it is always the message.
+    def publish(self, message: _M, /) -> None: ...
+
+class Subscriber(Topic):
+    @overload
+    def __init__(
+        self,
+        name: str,
+        data_class: type[_M],
+        callback: Callable[[_M], object],
+        *,
+        queue_size: int | None = None,
+        buff_size: int = ...,
+        tcp_nodelay: bool = False,
+    ) -> None: ...
+    @overload
+    def __init__(
+        self,
+        name: str,
+        data_class: type[_M],
+        callback: Callable[[_M, _A], object],
+        callback_args: _A,
+        queue_size: int | None = None,
+        buff_size: int = ...,
+        tcp_nodelay: bool = False,
+    ) -> None: ...
+
+class _TopicImpl:
+    def __init__(self, name: str, data_class: Any) -> None: ...
+    connections: list[TCPROSTransport]
+    ref_count: int
+
+class _TopicManager:
+    pubs: dict[str, _TopicImpl]
+    subs: dict[str, _TopicImpl]
+    def get_publications(self) -> list[tuple[str, str]]: ...
+    def get_subscriber_impl(self, resolved_name: str) -> _TopicImpl: ...
+    def get_subscriptions(self) -> list[tuple[str, str]]: ...
+
+def get_topic_manager() -> _TopicManager: ...
