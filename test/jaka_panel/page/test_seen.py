@@ -55,11 +55,13 @@ def test_what_is_old_is_never_shown_as_new(panel, open_page):
     page.until_text("#link-loss", "silent for")
     panel.silent = False
     page.until("document.querySelector('#link-loss').hidden")
+    panel.refusing = True
     panel.cut()
     page.until_text("#link-loss", "No connection")
     assert page.evaluate("document.elementFromPoint(innerWidth / 2, innerHeight / 2).closest('#link-loss') !== null")
     assert page.evaluate("""(() => { const box = document.querySelector('#stop').getBoundingClientRect();
         return document.elementFromPoint(box.x + 30, box.y + 30).closest('#stop') !== null; })()""")
+    panel.refusing = False
     page.until("document.querySelector('#link-loss').hidden && !document.body.classList.contains('stale')")
 
 

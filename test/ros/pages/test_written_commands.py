@@ -311,6 +311,10 @@ def folder(tmp_path):
     report = tmp_path / "jaka_reports" / "test_cell.py_test_cell"
     report.mkdir(parents=True)
     shutil.copy(str(golden / "joint_moves.mcap"), str(report / "candidate.mcap"))
+    good_runs = tmp_path / "good_runs"
+    good_runs.mkdir()
+    for number in (1, 2, 3):
+        shutil.copy(str(golden / "joint_moves.mcap"), str(good_runs / ("run_%d.mcap" % number)))
     for name in ("tight", "wide"):
         (tmp_path / (name + ".yaml")).write_text("{}\n")
     return tmp_path

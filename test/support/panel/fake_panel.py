@@ -60,6 +60,7 @@ class FakePanel:
         wave: The arm swings by so much, rad.
         received: Messages of pages, in order, but pings.
         silent: Nothing is sent any more, as by a server that stands still.
+        refusing: No page gets a connection, as from a server that is not there.
         answers: By command: a function that makes an answer of the arguments, None for one that comes later; other
             commands are answered with success.
     """
@@ -74,6 +75,7 @@ class FakePanel:
         self.wave = 0.0
         self.may, self.why = "command", ""
         self.silent = False
+        self.refusing = False
         self.received: List[Dict[str, Any]] = []
         self.stops: List[str] = []
         self.answers: Dict[str, Callable[[Dict[str, Any]], Optional[Dict[str, Any]]]] = {}
@@ -122,6 +124,8 @@ class FakePanel:
         return web.json_response({"ok": request.headers.get("Authorization") == "Bearer " + TOKEN, "message": ""})
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
+        if self.refusing:
+            raise web.HTTPServiceUnavailable
         socket = web.WebSocketResponse(protocols=["jaka-panel.v1"])
         await socket.prepare(request)
         self._counter += 1
