@@ -137,6 +137,22 @@ def test_the_stamp_is_the_time_of_arrival_not_of_reading(wire):
     assert sent_at <= wire.heard[-1][1] < arrived_by + 400000000
 
 
+@pytest.mark.parametrize(("stamps", "told"), [
+    ([5000000000, 4999999473, 5000000100], [5000000000, 5000000000, 5000000100]),  # as seen: 527 ns
+    ([5000000000, 4872000001, 4872000001], [5000000000, 5000000000, 5000000000]),
+    ([5000000000, 4872000000, 4872000500], [5000000000, 4872000000, 4872000500])])  # the clock was set back
+def test_stamps_keep_the_order_of_one_link_until_the_clock_is_set(wire, stamps, told):
+    wire.send(encode_header(HEADER))
+    wire.read(lambda: wire.link.connection is not None)
+    wire.link._stamp = 0
+    arrivals = [(struct.pack("<I", 1) + bytes([n]), [(1, 35, struct.pack("@ll", *divmod(stamp, 10 ** 9)))], 0, None)
+                for n, stamp in enumerate(stamps)]
+    wire.link._receive = lambda size, control: arrivals.pop(0)
+    for _ in stamps:
+        wire.link.read(lambda tag, stamp, data: wire.heard.append((stamp, data)))
+    assert wire.heard == [(stamp, bytes([n])) for n, stamp in enumerate(told)]
+
+
 def test_a_publisher_that_closes_is_a_lost_connection(wire):
     wire.send(encode_header(HEADER))
     wire.publisher.close()

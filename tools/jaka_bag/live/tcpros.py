@@ -26,6 +26,13 @@ _LARGE_READ = 1024 * 1024
 _MAX_HEADER = 16 * 1024 * 1024
 _MAX_MESSAGE = 1 << 30
 _CONNECT_TIMEOUT_S = 5.0
+_CLOCK_STEP_NS = 128000000
+"""The least, ns, by which a clock that was set goes back: ntpd slews what is less (its step threshold).
+
+Stamps of one link go back by less than that on a clock that runs on: the kernel's clocks of two processors differ by
+some hundred nanoseconds, and what has come before the kernel began to stamp has the time at which it was read. A log is
+read in the order of its times.
+"""
 
 Deliver = Callable[[Any, int, bytes], None]
 """A callback for one message: the link's ``tag``, host time of receipt, ns since the epoch, serialised message."""
@@ -112,6 +119,7 @@ class PublisherLink:
         self._parts: List[bytes] = []
         self._held = 0
         self._wanted = 4
+        self._stamp = 0
         request = {"callerid": node, "topic": topic, "type": "*", "md5sum": "*", "message_definition": ""}
         if tcp_nodelay:
             request["tcp_nodelay"] = "1"
@@ -170,6 +178,9 @@ class PublisherLink:
             stamp = seconds * NS_PER_S + nanoseconds
         else:
             stamp = time.time_ns()
+        if 0 < self._stamp - stamp < _CLOCK_STEP_NS:
+            stamp = self._stamp
+        self._stamp = stamp
         if not self._held and len(data) > 4 and self.connection is not None \
                 and _LENGTH.unpack_from(data)[0] == len(data) - 4:
             deliver(self.tag, stamp, data[4:])
