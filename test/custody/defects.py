@@ -249,7 +249,7 @@ class Defect(NamedTuple):
 
 DEFECTS: Tuple[Defect, ...] = (
     Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "m", "c e", first=157),
-    Defect(StopsForCallsOnly, "j", "a c e h m q v late against left"),
+    Defect(StopsForCallsOnly, "j", "a c e h m q v late against left", first=100),
     Defect(JogsOn, "c", "b"), Defect(StopsLater, "i"),
     Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"), Defect(AnswersTwice, "e"), Defect(AnswersNever, "e", "b t"),
     Defect(AnswersGood, "e"), Defect(PowersAgain, "d", "n"), Defect(JumpsInServo, "f"), Defect(StreamsOn, "f", "t"),
@@ -260,8 +260,10 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(TalksToStrangers, "n"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"),
     Defect(BesidePath, "t", "f"), Defect(PausesNothing, "p"), Defect(KeepsHold, "v", "b"), Defect(NeedsNoRest, "v"),
     Defect(LeavesSegmentsOut, "q"), Defect(LeavesPrograms, "r"), Defect(StopsHalf, "whole"),
-    Defect(WaitsForStart, "late"), Defect(IgnoresFaults, "against", "d v"), Defect(IgnoresRefusedFrames, "against"),
+    Defect(WaitsForStart, "late", first=30), Defect(IgnoresFaults, "against", "d v"),
+    Defect(IgnoresRefusedFrames, "against"),
     Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"), Defect(RecoversTwice, "recovery"),
     Defect(LeavesMoving, "goodbye", "state"), Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
     Defect(ForgetsLeft, "left", "a h"),
-    Defect(BlindGuard, "guard", is_guard=True), Defect(GuardStopsOnce, "guard", is_guard=True, first=250))
+    Defect(BlindGuard, "guard", is_guard=True, first=130),
+    Defect(GuardStopsOnce, "guard", is_guard=True, first=320))
