@@ -125,7 +125,8 @@ class Custody:
             return _NEVER
         if self._phase is Phase.HELD:
             return self.motion.due()
-        return min(self._retry_at, _NEVER if self._is_answered else self._began_at + _ANSWER_AFTER_S)
+        retry_at = _NEVER if self._outstanding else self._retry_at  # the retry comes with the last of the replies
+        return min(retry_at, _NEVER if self._is_answered else self._began_at + _ANSWER_AFTER_S)
 
     def rest_since(self, moment: float) -> float:
         """Return for how long the arm has been seen at rest since then (monotonic, s), in s.

@@ -102,8 +102,7 @@ def _could_begin(core: ArmCore, request: ArmRequest, now: float) -> bool:
 def _broken_after_tick(core: ArmCore, now: float) -> Iterator[str]:
     """Yield what is due still after a tick: the shell would ask for ticks without end."""
     custody = core.custody
-    waits_for_replies = custody._retry_at <= now and custody._outstanding  # the retry comes with the last of them
-    for name, due in (("custody", _NEVER if waits_for_replies else custody.deadline), ("a link", core.links.deadline),
+    for name, due in (("custody", custody.deadline), ("a link", core.links.deadline),
                       ("a call that waits", core._admission.deadline),
                       ("a procedure", min([one.deadline for one in core._running], default=_NEVER))):
         if due <= now - _ROUNDING_S:

@@ -155,6 +155,22 @@ def test_a_jog_in_custody_that_its_own_end_does_not_end_is_ended_by_all():
     assert {axis for _, axis in jog_stops(story)} == set(range(6))
 
 
+def test_a_stop_that_waits_for_a_reply_asks_for_no_ticks_meanwhile():
+    # The jog's own end is refused, and the controller keeps silent on stop_program.
+    story = Story()
+    story.core.jog("jog", Jog(JogFrame.JOINT, 0, 0.3), story.now)
+    story.run(0.3, move=1.0, **MOVING)
+    story.replies.update(jog="7", stop_program=None)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.run(0.2, move=9.0)
+    assert story.count("stop_program") == 1 and jog_stops(story) == [(1, 0)]
+    assert story.core.next_deadline() > story.now
+    story.reply("stop_program")
+    story.run(2 * PERIOD, move=9.0)
+    assert story.count("stop_program") == 2
+
+
 # ---- seen, without custody ----
 
 def test_the_caller_is_answered_when_the_arm_is_seen_at_rest():
