@@ -49,6 +49,19 @@ def messages_more_or_less(stream: Stream, duration: float, gap_s: float) -> Opti
     return 1 if len(stream) < _FEWEST_PERIODIC or usual > 0.5 * gap_s else None
 
 
+def repeats_more_or_less(repeats: int, longer: float) -> int:
+    """Return by how many repeated messages a topic may differ in a log of another length.
+
+    A message that is repeated with a period may fall in or out at both ends of either log.
+
+    Args:
+        repeats: Their number in the golden log.
+        longer: How much longer or shorter the other log is, as a share of the golden one's length.
+    """
+    of_length = longer * (repeats + 2)
+    return math.ceil(of_length) + (1 if of_length >= 1.0 else 0)
+
+
 def is_of_any_speed(name: str) -> bool:
     """Return whether a number does not depend on the speed at which a simulated arm ran."""
     return name.endswith(QUATERNION) or _PLACES.fullmatch(name) is not None or _JOINTS.fullmatch(name) is not None
@@ -130,7 +143,7 @@ def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances
             limits = replace(limits, brief_s=ms_to_s(tolerances.contents.brief_ms))
             if topic not in own:
                 longer = abs(candidate.duration - golden.duration) / max(golden.duration, 1e-9)
-                slack = on_change[topic] + math.ceil(longer * ours.repeats)
+                slack = on_change[topic] + repeats_more_or_less(ours.repeats, longer)
                 checks.append(_repeat_check(topic, ours, theirs, len(golden.streams[topic]), slack, tolerances))
         spans = (golden.duration, candidate.duration)
         for name in dict.fromkeys(ours.names + theirs.names):
