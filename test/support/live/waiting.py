@@ -1,5 +1,6 @@
 """Waiting in tests: for conditions, for calls in threads of their own, and for a free port. No ROS, no controller."""
 import contextlib
+import random
 import socket
 import threading
 import time
@@ -7,6 +8,7 @@ from typing import Any, Callable, List, Optional, Tuple, Union
 
 WAIT = 60.0
 """Longest wait for something that must come, on a busy host, s; never a measure of speed."""
+_PORT_DRAW = random.SystemRandom()
 _LOOK_S = 0.005
 _STALL_S = 0.05
 
@@ -104,12 +106,18 @@ class InBackground:
 
 
 def free_ports(count: int) -> List[int]:
-    """Return different ports that were free a moment ago, for executables that cannot be asked to take any."""
+    """Return different ports that were free a moment ago, for executables that cannot be asked to take any.
+
+    They lie below those that Linux gives to outgoing connections: a server that is started again finds its port free.
+    """
+    found: List[int] = []
     with contextlib.ExitStack() as probes:
-        sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
-        for probe in sockets:
-            probe.bind(("127.0.0.1", 0))
-        return [int(probe.getsockname()[1]) for probe in sockets]
+        while len(found) < count:
+            probe = probes.enter_context(contextlib.closing(socket.socket()))
+            with contextlib.suppress(OSError):
+                probe.bind(("", _PORT_DRAW.randrange(20000, 32768)))
+                found.append(int(probe.getsockname()[1]))
+    return found
 
 
 def free_port() -> int:
