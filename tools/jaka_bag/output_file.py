@@ -115,6 +115,18 @@ class OutputFile:
             self.commit()
 
 
+def write_text(path: PathLike, text: str, overwrite: bool = False) -> None:
+    """Write a text file in UTF-8, whole or not at all; what UTF-8 cannot say becomes a question mark.
+
+    Raises:
+        OutputExists: There is something of that name already and ``overwrite`` is False.
+        BagError: The file cannot be created there.
+        OSError: The system refused.
+    """
+    with OutputFile(path, overwrite) as output:
+        output.write(text.encode("utf-8", "replace"))
+
+
 def is_being_written(path: Path) -> bool:
     """Return whether a running program writes this working file: it holds a lock then (``OutputFile``)."""
     try:

@@ -1,5 +1,5 @@
 """The messages of a log that a driver took as input: goals, cancels, trajectories, paths, jog and servo targets."""
-from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple, Union
+from typing import Dict, List, NamedTuple, Optional, Set, Tuple, Union
 
 from jaka_bag.compare.runs.run import Call, Run
 from jaka_bag.containers.registry import open_log
@@ -7,7 +7,7 @@ from jaka_bag.containers.time_order import messages_of
 from jaka_bag.driver_interface import INPUT_TOPICS
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.selection import Selection
-from jaka_bag.messages.values import ValueReader
+from jaka_bag.messages.values import ValueReaders
 from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
@@ -84,12 +84,12 @@ def inputs_of(path: PathLike, run: Run) -> List[Input]:
     sent: List[SentMessage] = []
     ends: Dict[Tuple[str, str], Tuple[float, bool]] = {}
     if wanted:
-        readers: Dict[Any, ValueReader] = {}
+        readers = ValueReaders()
         with open_log(path) as log:
             for message in messages_of(log, Selection(topics=sorted(wanted | results))):
                 connection = message.connection
                 time = (message.log_time - run.start_ns) / NS_PER_S
-                reader = readers.setdefault(connection, ValueReader(connection))
+                reader = readers[connection]
                 if connection.topic in results:
                     status = reader.read(message.data)["status"]
                     ends.setdefault((connection.topic[:-len("result")], status["goal_id"]["id"]),

@@ -11,10 +11,10 @@ from jaka_bag.messages.selection import Selection
 from jaka_bag.messages.values import ValueReader
 
 from .preconditions import conditions_of_log, log_begins_ns
-from .scenario import BANKS, Scenario
+from .scenario import BANKS, IO_TOPIC, Scenario
 
 _SIDES = ("digital_inputs", "digital_outputs", "analog_inputs", "analog_outputs")
-_FRAMES, _TERMINALS, _OVERRIDE = "/tf", "io_states", "speed_scaling_factor"
+_FRAMES, _OVERRIDE = "/tf", "speed_scaling_factor"
 _TOOL = "tool"
 _USER_FRAME = "user_frame_"
 _NO_OFFSET = 1e-9
@@ -38,10 +38,10 @@ def _beginning(run: Run, arm: str, told: Mapping[str, Any]) -> Dict[str, Any]:
     found: Dict[str, Any] = {}
     track = run.joints.get(node + "/joint_position")
     if track is not None and track.facts.finite_count:
-        found["joints"] = track.around(track.facts.first, track.facts.first).value[0].tolist()
+        found["joints"] = track.beginning().value[0].tolist()
     first = _first_messages(run, node)
-    if _TERMINALS in first:
-        found["terminals"] = _terminals(first[_TERMINALS])
+    if IO_TOPIC in first:
+        found["terminals"] = _terminals(first[IO_TOPIC])
     if _OVERRIDE in first:
         found["speed_override"] = min(1.0, max(0.0, float(first[_OVERRIDE]["data"])))
     places = {one["child_frame_id"]: _offset(one["transform"]) for one in first.get(_FRAMES, {}).get("transforms", ())}
@@ -63,7 +63,7 @@ def _beginning(run: Run, arm: str, told: Mapping[str, Any]) -> Dict[str, Any]:
 
 def _first_messages(run: Run, node: str) -> Dict[str, Mapping[str, Any]]:
     """Return the first message of each topic that tells of the start, by its name below the node or its global one."""
-    missing = {_FRAMES: _FRAMES, **{node + "/" + name: name for name in (_TERMINALS, _OVERRIDE)}}
+    missing = {_FRAMES: _FRAMES, **{node + "/" + name: name for name in (IO_TOPIC, _OVERRIDE)}}
     found: Dict[str, Mapping[str, Any]] = {}
     with open_log(run.path) as log:  # not the run: what its comparison ignores begins all the same
         there = {connection.topic for connection in log.connections}

@@ -5,7 +5,7 @@ most of that on ``/diagnostics``; beside it, the same joints must put the tool a
 collision level are on no topic.
 """
 import math
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from jaka_bag.containers.time_order import messages_of
 from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.messages.batch import Array
 from jaka_bag.messages.selection import Selection
-from jaka_bag.messages.values import ValueReader
+from jaka_bag.messages.values import ValueReaders
 from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
@@ -84,11 +84,9 @@ def conditions_of_log(path: PathLike, node: str, until_ns: int) -> Dict[str, str
         BagError: It cannot be read.
     """
     found: Dict[str, str] = {}
-    readers: Dict[Any, ValueReader] = {}
+    readers = ValueReaders()
     with open_log(path) as log:
         for message in messages_of(log, Selection(types=(DIAGNOSTICS_TYPE,))):
-            if message.connection not in readers:
-                readers[message.connection] = ValueReader(message.connection)
             statuses = readers[message.connection].read(message.data)["status"]
             told = conditions_in([(status["name"], {pair["key"]: pair["value"] for pair in status["values"]})
                                   for status in statuses], node)

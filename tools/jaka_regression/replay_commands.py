@@ -183,7 +183,7 @@ def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], clie
     """Move to the start where that is wanted, and make all calls."""
     if not args.begin_at_stdin:  # then a recorded controller says where the arm stands
         for topic, track in log.joints.items():
-            start = track.around(track.facts.first, track.facts.first).value
+            start = track.beginning().value
             if topic.endswith(_JOINTS) and len(start):
                 _check_start(args, client, topic, start[0].tolist())
                 _check_pose(args, client, log, topic)
@@ -232,7 +232,7 @@ def _check_pose(args: argparse.Namespace, client: Any, log: Run, topic: str) -> 
     tool = log.poses.get(topic.rsplit("/", 1)[0] + "/tool_position")
     if tool is None or not tool.facts.finite_count:
         return
-    pose = tool.around(tool.facts.first, tool.facts.first)
+    pose = tool.beginning()
     stood = joints.at(pose.time[:1])[0]
     before = ToolPlace(stood.tolist(), pose.value[0].tolist(), tool.frames)
     _require_same(args, pose_difference(before, client.place(topic, tool.topic, args.wait)), topic.rsplit("/", 1)[0])

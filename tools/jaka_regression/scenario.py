@@ -18,6 +18,8 @@ from jaka_bag.paths import PathLike
 
 BANKS = ("cabinet", "tool", "extension")
 """Places of terminals, as ``jaka_msgs/IOStates`` and the operator port name them."""
+IO_TOPIC = "io_states"
+"""Name of the topic that tells of them, below the driver's node."""
 DEFAULT_SIMULATION = ("--start", "enabled")
 _NOT_PASSED_ON = ("ip", "command_port", "status_port", "simulator")
 

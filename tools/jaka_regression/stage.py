@@ -75,8 +75,7 @@ class Stage:
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
         """Run a replay with simulated controllers, each step in order."""
         self._start_master()
-        for number, arm in enumerate(self._scenario.arms):
-            self._start_simulation(number, arm)
+        self._start_simulations()
         recorder = self._start_recorder(candidate)
         self._start_drivers(driver)
         self._wait_for_recording()
@@ -88,7 +87,7 @@ class Stage:
             rest -= max(call.end for call in self._script.calls)
         else:
             self._begin(time.monotonic())
-        self._let_pass(rest / self._time_scale + _TAIL_S)
+        self._let_pass(rest / self._time_scale)
         self._end_recording(recorder)
 
     def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
@@ -120,7 +119,7 @@ class Stage:
             raise ProgramFailed("the play does not end")
         if calls is not None:
             self._wait_for_calls(calls, _START_S)
-        self._let_pass(_TAIL_S)
+        self._let_pass(0.0)
         self._end_recording(recorder)
         return dict(told["end"])
 
@@ -173,6 +172,10 @@ class Stage:
             raise ProgramFailed(self._failure)
         if recorder.end():
             raise ProgramFailed("the recorder failed: %s" % recorder.last_words())
+
+    def _start_simulations(self) -> None:
+        for number, arm in enumerate(self._scenario.arms):
+            self._start_simulation(number, arm)
 
     def _start_simulation(self, number: int, arm: ArmSetup) -> None:
         state = self._folder / ("begin%d.json" % number)
@@ -277,7 +280,7 @@ class Stage:
             self._failure = str(error)
 
     def _let_pass(self, seconds: float) -> None:
-        """Wait so long, s, while everything is recorded."""
-        self._wait_until(lambda: self._failure is not None, seconds)
+        """Wait so long, s, and for what is still on its way then, while everything is recorded."""
+        self._wait_until(lambda: self._failure is not None, seconds + _TAIL_S)
         for operator in self._operators:
             operator.join(_START_S)

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Callable, List, Optional, Sequence, Tuple
+from typing import Callable, List, Optional, Tuple
 
 from ..compare.audit.auditing import audit, finding_line, summary
 from ..compare.comparison import CannotCompare, compare_logs
@@ -19,7 +19,7 @@ from ..compare.report.text import as_data, as_text, coverage_line, headline
 from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_tolerances
 from ..compare.verdict import Comparison
 from ..errors import BagError, UsageError
-from ..output_file import OutputFile, check_output
+from ..output_file import check_output, write_text
 from .main import printable
 from .quantities import positive_number
 
@@ -58,13 +58,8 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
     reports: List[Tuple[Optional[str], Callable[[], str]]] = [
         (html, lambda: as_html(comparison, tolerances)), (junit, lambda: as_junit(comparison)),
         (json_file, lambda: json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n")]
-    _write([(path, text()) for path, text in reports if path], overwrite)
-
-
-def _write(reports: Sequence[Tuple[str, str]], overwrite: bool) -> None:
-    for path, text in reports:
-        with OutputFile(path, overwrite) as output:
-            output.write(text.encode("utf-8", "replace"))
+    for path, text in [(path, text()) for path, text in reports if path]:
+        write_text(path, text, overwrite)
 
 
 def _compared(args: argparse.Namespace, tolerances: Tolerances) -> Comparison:
@@ -72,8 +67,9 @@ def _compared(args: argparse.Namespace, tolerances: Tolerances) -> Comparison:
     try:
         return compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
     except BagError as error:
-        texts = failure_texts(args.golden, str(error))
-        _write([(path, text) for path, text in zip((args.html, args.junit, args.report), texts) if path], args.force)
+        for path, text in zip((args.html, args.junit, args.report), failure_texts(args.golden, str(error))):
+            if path:
+                write_text(path, text, args.force)
         raise
 
 

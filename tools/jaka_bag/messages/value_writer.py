@@ -6,9 +6,8 @@ from ..errors import DefinitionError
 from ..units import NS_PER_S
 from .connection import Connection
 from .definitions import types_of
+from .values import CODES, STAMPS
 
-_CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
-          "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"}
 _U32 = struct.Struct("<I")
 
 
@@ -20,6 +19,11 @@ def exact_time(seconds: int, nanoseconds: int) -> Tuple[int, int]:
 def time_of(ns: int) -> Tuple[int, int]:
     """Convert a time, ns, to seconds and nanoseconds."""
     return ns // NS_PER_S, ns % NS_PER_S
+
+
+def in_ns(time: Tuple[int, int]) -> int:
+    """Convert seconds and nanoseconds to ns: the inverse of ``time_of``."""
+    return time[0] * NS_PER_S + time[1]
 
 
 class ValueWriter:
@@ -53,12 +57,10 @@ class ValueWriter:
         if type_name == "string":
             raw = value.encode("utf-8", "surrogateescape")
             parts.append(_U32.pack(len(raw)) + raw)
-        elif type_name == "time":
-            parts.append(struct.pack("<II", *value))
-        elif type_name == "duration":
-            parts.append(struct.pack("<ii", *value))
-        elif type_name in _CODES:
-            parts.append(struct.pack("<" + _CODES[type_name], value))
+        elif type_name in STAMPS:
+            parts.append(STAMPS[type_name].pack(*value))
+        elif type_name in CODES:
+            parts.append(struct.pack("<" + CODES[type_name], value))
         else:
             for field in self._types[type_name].fields:
                 self._add_field(field.type, field.array, value[field.name], parts)
@@ -71,9 +73,9 @@ class ValueWriter:
             parts.append(_U32.pack(len(value)))
         elif len(value) != array:
             raise TypeError("%d values for %d" % (len(value), array))
-        if type_name in _CODES:
+        if type_name in CODES:
             parts.append(bytes(value) if isinstance(value, bytes)
-                         else struct.pack("<%d%s" % (len(value), _CODES[type_name]), *value))
+                         else struct.pack("<%d%s" % (len(value), CODES[type_name]), *value))
             return
         for one in value:
             self._add(type_name, one, parts)

@@ -9,10 +9,12 @@ from ..errors import DefinitionError
 from .connection import Connection
 from .definitions import PRIMITIVE_SIZES, MessageType, types_of
 
-_CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
-          "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"}
+CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+         "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"}
+"""Codes of ``struct`` by primitive type."""
 _U32 = struct.Struct("<I")
-_STAMPS = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
+STAMPS = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
+"""Layouts of the two types of times: seconds and nanoseconds."""
 _NS = 1e-9
 _SHORT = "a message is shorter than its definition says"
 MakeTime = Callable[[int, int], Any]
@@ -86,8 +88,8 @@ class ValueReader:
             raise DefinitionError(_SHORT)
         if type_name in ("uint8", "char"):
             return raw[at:at + count], at + count
-        if type_name in _CODES:
-            return list(struct.unpack_from("<%d%s" % (count, _CODES[type_name]), raw, at)), at + count * size
+        if type_name in CODES:
+            return list(struct.unpack_from("<%d%s" % (count, CODES[type_name]), raw, at)), at + count * size
         result = []
         for _ in range(count):
             value, at = self._one(type_name, raw, at)
@@ -95,7 +97,7 @@ class ValueReader:
         return result, at
 
     def _one(self, type_name: str, raw: bytes, at: int) -> Tuple[Any, int]:
-        code = _CODES.get(type_name)
+        code = CODES.get(type_name)
         if code is not None:
             return struct.unpack_from("<" + code, raw, at)[0], at + PRIMITIVE_SIZES[type_name]
         if type_name == "string":
@@ -103,6 +105,14 @@ class ValueReader:
             if end > len(raw):
                 raise DefinitionError(_SHORT)
             return raw[at + 4:end].decode("utf-8", self._errors), end
-        if type_name in _STAMPS:
-            return self._make_time(*_STAMPS[type_name].unpack_from(raw, at)), at + 8
+        if type_name in STAMPS:
+            return self._make_time(*STAMPS[type_name].unpack_from(raw, at)), at + 8
         return self._message(self._types[type_name], raw, at)
+
+
+class ValueReaders(Dict[Connection, ValueReader]):
+    """The readers of values for the messages of a log: one for each connection, made when it is first asked for."""
+
+    def __missing__(self, connection: Connection) -> ValueReader:
+        reader = self[connection] = ValueReader(connection)
+        return reader

@@ -5,7 +5,7 @@ from pathlib import Path
 from jaka_bag.cli import quantities
 from jaka_bag.cli.quantities import time_point
 from jaka_bag.errors import UsageError
-from jaka_bag.output_file import OutputFile, check_output
+from jaka_bag.output_file import check_output, write_text
 
 from ..incident.loading import load_incident
 from ..incident.page import incident_page
@@ -43,8 +43,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("%s is the log itself" % target)
     check_output(target, args.force)
     incident = load_incident(args.source, args.at, args.before, args.after)
-    with OutputFile(target, args.force) as output:
-        output.write(incident_page(incident).encode("utf-8", "replace"))
+    write_text(target, incident_page(incident), args.force)
     first = incident.triggers[0] if incident.triggers else None
     print("%s: %s" % (target, "no trigger" if first is None else "%s, %s" % (first.kind, first.detail)))
     return 0

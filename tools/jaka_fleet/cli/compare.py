@@ -13,7 +13,7 @@ from jaka_bag.compare.comparison import CannotCompare
 from jaka_bag.compare.tolerances import ToleranceError, Tolerances, load_tolerances
 from jaka_bag.engines.tasks import FAILED, LogResult, LogTask, Serial, run_tasks
 from jaka_bag.errors import BagError, UsageError
-from jaka_bag.output_file import OutputFile
+from jaka_bag.output_file import write_text
 
 from ..comparing.history import RunHistory, history_of
 from ..comparing.junit import as_junit
@@ -189,8 +189,7 @@ def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, his
         if result.status == FAILED:
             report.tell("note", ["no report of %s: %s" % (result.path, result.reason)])
             return
-        with OutputFile(folder / _report_name(worst[result.path]), overwrite=True) as output:
-            output.write(result.value.encode("utf-8", "replace"))
+        write_text(folder / _report_name(worst[result.path]), result.value, overwrite=True)
 
     if tasks:
         folder.mkdir(exist_ok=True)
@@ -211,8 +210,7 @@ def _write_outputs(args: argparse.Namespace, setup: Setup, folder: Path, history
                (args.report, data, False)]
     for path, text, is_ours in outputs:
         if path:
-            with OutputFile(path, args.force or is_ours and not args.html) as output:
-                output.write(text.encode("utf-8", "replace"))
+            write_text(path, text, args.force or is_ours and not args.html)
     if args.json:
         print(data, end="")
     else:
@@ -283,8 +281,7 @@ def _write_sweep(args: argparse.Namespace, setup: Setup, folder: Path, history: 
     for path, text in ((args.html, as_page(history, setup, args.against, _links(
             history, folder / REPORTS, Path(args.html)) if args.html else {})), (args.junit, as_junit(history))):
         if path:
-            with OutputFile(path, args.force) as output:
-                output.write(text.encode("utf-8", "replace"))
+            write_text(path, text, args.force)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from jaka_bag.compare.tolerances import as_yaml, load_tolerances
 from jaka_bag.containers.registry import read_index
 from jaka_bag.engines.tasks import FAILED, LogResult, LogTask
 from jaka_bag.errors import BagError, UsageError
-from jaka_bag.output_file import OutputFile, check_output
+from jaka_bag.output_file import OutputFile, check_output, write_text
 from jaka_bag.units import NS_PER_S
 from jaka_regression.replay import takes_time_scale
 
@@ -130,8 +130,7 @@ def run(args: argparse.Namespace) -> int:
                (args.junit, as_junit(replays, driver.name))]
     for path, text in outputs:
         if path:
-            with OutputFile(path, args.force) as output:
-                output.write(text.encode("utf-8", "replace"))
+            write_text(path, text, args.force)
     if args.json:
         print(json.dumps(as_data(replays, driver.name), indent=1))
     else:

@@ -11,7 +11,7 @@ from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.errors import DefinitionError
 from jaka_bag.log_records import ACCIDENT, DROPS, TRIGGER
 from jaka_bag.messages.selection import Selection
-from jaka_bag.messages.values import ValueReader
+from jaka_bag.messages.values import ValueReaders
 
 from .runs import TriggerEvent
 
@@ -90,10 +90,11 @@ def _versions(reader: LogReader) -> Dict[str, str]:
 
 def _statuses(reader: LogReader) -> Iterator[Dict[str, Any]]:
     """Iterate over the first statuses of diagnostics."""
+    readers = ValueReaders()
     try:
         for number, message in enumerate(messages_of(reader, Selection(types=(DIAGNOSTICS_TYPE,)))):
             if number >= _LOOKED_AT:
                 return
-            yield from ValueReader(message.connection).read(message.data)["status"]
+            yield from readers[message.connection].read(message.data)["status"]
     except DefinitionError:
         return

@@ -10,10 +10,9 @@ from jaka_bag.messages.selection import Selection
 from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
-from ..scenario import CauseKind
+from ..scenario import IO_TOPIC, CauseKind
 from .sightings import Sighting, Sightings, Terminal, terminals_in
 
-IO_TOPIC = "io_states"
 _HIT_N = 300
 """Force of a hit in place of one that a log has not: it stops an arm at every collision level."""
 

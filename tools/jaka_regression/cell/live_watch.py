@@ -21,7 +21,7 @@ from jaka_bag.errors import BagError
 
 from ..attended import ReplayStopped
 from ..driver_client import DriverClient
-from ..scenario import BANKS
+from ..scenario import BANKS, IO_TOPIC
 from .sightings import Polls, Sighting, Sightings, terminals_in
 
 _WAIT_S = 60.0
@@ -40,7 +40,7 @@ class _Arm:
         self._is_counting = False
         self._was_moving = False
         node = namespace + "/jaka_driver"
-        for name, kind, take in (("io_states", "jaka_msgs/IOStates", self._terminals),
+        for name, kind, take in ((IO_TOPIC, "jaka_msgs/IOStates", self._terminals),
                                  ("joint_position", "sensor_msgs/JointState", self._joints),
                                  ("service_calls", "jaka_msgs/ServiceCall", self._answered)):
             known = roslib_message.get_message_class(kind)

@@ -17,9 +17,9 @@ from ..log_beginning import with_beginning
 from ..processes import Programs
 from ..programs import DRIVER
 from ..replay import CANDIDATE, Replay, report_on, reports_of_this_run
-from ..scenario import CauseKind, Scenario, scenario_of
+from ..scenario import IO_TOPIC, CauseKind, Scenario, scenario_of
 from ..stage import Script
-from .history import IO_TOPIC, CellHistory, read_history
+from .history import CellHistory, read_history
 from .launch_file import check_launch_file
 from .sightings import Polls
 from .stage import CellProgram, CellStage

@@ -19,7 +19,6 @@ from .world import event_as_data
 _SETTLE_S = 0.5
 _QUIET_S = 8.0
 """A program that does not end by itself may do more after so long a pause: that it does is not seen."""
-_TAIL_S = 0.7
 _LONGER = 2.0
 _LONGER_S = 60.0
 _DIED = re.compile(r"\[([^\]\n]+)\](?: has died!\s+|\s+)process has died \[pid \d+, exit code (-?\d+)")
@@ -78,8 +77,7 @@ class CellStage(Stage):
             ProgramFailed: Another program failed.
         """
         self._start_master()
-        for number, arm in enumerate(self._scenario.arms):
-            self._start_simulation(number, arm)
+        self._start_simulations()
         self._start_drivers(driver)
         self._start_watch()
         self._set_first_inputs()
@@ -93,7 +91,7 @@ class CellStage(Stage):
                            is_service=False)
         problem = self._wait_for_end(cell, program, begun)
         # what the golden log has and this run has not is missing only where this log is as long
-        self._let_pass(max(0.0, begun + program.lasts_s - time.monotonic()) + _TAIL_S)
+        self._let_pass(max(0.0, begun + program.lasts_s - time.monotonic()))
         self._end_recording(recorder)
         return problem
 

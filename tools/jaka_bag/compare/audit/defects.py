@@ -6,6 +6,7 @@ import math
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from ...driver_interface import CALL_TYPE, STATE_TYPE, MotionState
+from ...messages.value_writer import in_ns, time_of
 from ...operations.tool_poses import TWIST_TYPE
 from .editing import EditableLog, Item, Value
 
@@ -47,15 +48,11 @@ class Golden(NamedTuple):
 Defect = Callable[[Golden], Optional[EditableLog]]
 
 
-def _first(golden: Golden, datatype: str) -> Optional[str]:
-    topics = golden.log.topics_of(datatype)
-    return topics[0] if topics else None
-
-
-def _edit(datatype: str, change: Callable[[Value, float], None],
-          span: Callable[[Golden], Optional[Tuple[float, float]]] = lambda golden: (-1.0, 1e12)) -> Defect:
+def edit(datatype: str, change: Callable[[Value, float], None],
+         span: Callable[[Golden], Optional[Tuple[float, float]]] = lambda golden: (-1.0, 1e12)) -> Defect:
+    """Return a defect that changes the messages of a type's first topic, those within a span of time, s."""
     def plant(golden: Golden) -> Optional[EditableLog]:
-        topic, times = _first(golden, datatype), span(golden)
+        topic, times = golden.log.first_topic_of(datatype), span(golden)
         return None if topic is None or times is None else golden.log.edited(topic, change, *times)
     return plant
 
@@ -83,7 +80,7 @@ def _moving(defect: Defect) -> Defect:
 def _stale(datatype: str, names: Sequence[str], delay_s: float) -> Defect:
     """Return a defect that gives each message the fields of one ``delay_s`` before it, under its own stamp."""
     def plant(golden: Golden) -> Optional[EditableLog]:
-        topic = _first(golden, datatype)
+        topic = golden.log.first_topic_of(datatype)
         if topic is None:
             return None
         past: List[Tuple[float, Dict[str, Any]]] = []
@@ -99,7 +96,7 @@ def _stale(datatype: str, names: Sequence[str], delay_s: float) -> Defect:
 
 def _frozen(datatype: str, names: Sequence[str], length: float) -> Defect:
     def plant(golden: Golden) -> Optional[EditableLog]:
-        topic = _first(golden, datatype)
+        topic = golden.log.first_topic_of(datatype)
         if topic is None or golden.middle is None:
             return None
         kept: Dict[str, Any] = {}
@@ -180,7 +177,7 @@ def _instead_of_running(state: int) -> Defect:
     def change(value: Value, _now: float) -> None:
         if value["motion_state"] == MotionState.RUNNING:
             value["motion_state"] = state
-    return _moving(_edit(STATE_TYPE, change))
+    return _moving(edit(STATE_TYPE, change))
 
 
 def _late_states(delay_s: float) -> Defect:
@@ -204,7 +201,7 @@ def _call(change: Callable[[Value], None], wanted: Callable[[Value], bool] = lam
 
 def _calls_of(golden: Golden) -> List[int]:
     log = golden.log
-    topic = _first(golden, CALL_TYPE)
+    topic = log.first_topic_of(CALL_TYPE)
     return [i for i, item in enumerate(log.items) if item.topic == topic]
 
 
@@ -240,8 +237,7 @@ def _calls_swapped(golden: Golden) -> Optional[EditableLog]:
 
 def _later(seconds: float) -> Callable[[Value], None]:
     def apply(value: Value) -> None:
-        total = value["header"]["stamp"][0] * 10**9 + value["header"]["stamp"][1] + int(seconds * 1e9)
-        value["header"]["stamp"] = (total // 10**9, total % 10**9)
+        value["header"]["stamp"] = time_of(in_ns(value["header"]["stamp"]) + int(seconds * 1e9))
     return apply
 
 
@@ -263,46 +259,46 @@ def _other_ret(value: Value) -> None:
 
 _POSE = ("twist",)
 DEFECTS: Dict[str, Defect] = {
-    "tool: x off by 1 mm": _edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.001)),
-    "tool: z off by 2 mm in one motion": _edit(TWIST_TYPE, _place("z", lambda one, now: one + 0.002), _in_motion(0.4)),
-    "tool: mm for m": _edit(TWIST_TYPE, _scale_place),
-    "tool: sign of y": _edit(TWIST_TYPE, _place("y", lambda one, now: -one)),
-    "tool: x and y swapped": _edit(TWIST_TYPE, _swap_axes),
-    "tool: drifts 0.3 mm/s": _edit(TWIST_TYPE, _place("z", lambda one, now: one + 0.0003 * now)),
-    "tool: one sample 20 mm off": _edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.02), _at_rest(0.009)),
-    "tool: 5 mm off where a stop left the arm": _edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.005),
-                                                      _after_a_stop),
-    "tool: turned by 0.01 rad": _edit(TWIST_TYPE, _turn),
-    "tool: parts of the rotation vector swapped": _edit(TWIST_TYPE, _swap_turns),
-    "tool: sign of the rotation vector": _edit(TWIST_TYPE, _opposite_turn),
+    "tool: x off by 1 mm": edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.001)),
+    "tool: z off by 2 mm in one motion": edit(TWIST_TYPE, _place("z", lambda one, now: one + 0.002), _in_motion(0.4)),
+    "tool: mm for m": edit(TWIST_TYPE, _scale_place),
+    "tool: sign of y": edit(TWIST_TYPE, _place("y", lambda one, now: -one)),
+    "tool: x and y swapped": edit(TWIST_TYPE, _swap_axes),
+    "tool: drifts 0.3 mm/s": edit(TWIST_TYPE, _place("z", lambda one, now: one + 0.0003 * now)),
+    "tool: one sample 20 mm off": edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.02), _at_rest(0.009)),
+    "tool: 5 mm off where a stop left the arm": edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.005),
+                                                     _after_a_stop),
+    "tool: turned by 0.01 rad": edit(TWIST_TYPE, _turn),
+    "tool: parts of the rotation vector swapped": edit(TWIST_TYPE, _swap_turns),
+    "tool: sign of the rotation vector": edit(TWIST_TYPE, _opposite_turn),
     "tool: 40 ms stale": _stale(TWIST_TYPE, _POSE, 0.04),
     "tool: 96 ms stale": _stale(TWIST_TYPE, _POSE, 0.096),
     "tool: stands still for 0.3 s of a motion": _frozen(TWIST_TYPE, _POSE, 0.3),
-    "tool: other frame": _edit(TWIST_TYPE, _frame),
-    "tool: not a number for 0.2 s": _edit(TWIST_TYPE, _place("x", lambda one, now: math.nan), _at_rest(0.2)),
-    "joints: first off by 5 mrad": _edit(JOINT_TYPE, _joint(0, lambda one, now: one + 0.005)),
-    "joints: sign of the second": _edit(JOINT_TYPE, _joint(1, lambda one, now: -one)),
-    "joints: second and third swapped": _edit(JOINT_TYPE, _swap("position")),
-    "joints: degrees for radians": _edit(JOINT_TYPE, _degrees),
-    "joints: last drifts 1 mrad/s": _edit(JOINT_TYPE, _joint(-1, lambda one, now: one + 0.001 * now)),
-    "joints: one sample 50 mrad off": _edit(JOINT_TYPE, _joint(2, lambda one, now: one + 0.05), _at_rest(0.009)),
+    "tool: other frame": edit(TWIST_TYPE, _frame),
+    "tool: not a number for 0.2 s": edit(TWIST_TYPE, _place("x", lambda one, now: math.nan), _at_rest(0.2)),
+    "joints: first off by 5 mrad": edit(JOINT_TYPE, _joint(0, lambda one, now: one + 0.005)),
+    "joints: sign of the second": edit(JOINT_TYPE, _joint(1, lambda one, now: -one)),
+    "joints: second and third swapped": edit(JOINT_TYPE, _swap("position")),
+    "joints: degrees for radians": edit(JOINT_TYPE, _degrees),
+    "joints: last drifts 1 mrad/s": edit(JOINT_TYPE, _joint(-1, lambda one, now: one + 0.001 * now)),
+    "joints: one sample 50 mrad off": edit(JOINT_TYPE, _joint(2, lambda one, now: one + 0.05), _at_rest(0.009)),
     "joints: 96 ms stale": _stale(JOINT_TYPE, ("position",), 0.096),
     "joints: stand still for 0.3 s of a motion": _frozen(JOINT_TYPE, ("position",), 0.3),
-    "joints: names swapped": _edit(JOINT_TYPE, _swap("name")),
-    "joints: names swapped for 0.5 s": _edit(JOINT_TYPE, _swap("name"), _at_rest(0.5)),
-    "joints: efforts that were not there": _edit(JOINT_TYPE, _add_effort),
-    "joints: one less for 0.5 s": _edit(JOINT_TYPE, _one_joint_less, _at_rest(0.5)),
-    "joints: other frame": _edit(JOINT_TYPE, _frame),
-    "states: error for 50 ms": _edit(STATE_TYPE, _set("motion_state", MotionState.ERROR), _at_rest(0.05)),
-    "states: emergency stop for 100 ms": _edit(STATE_TYPE, _set("motion_state", MotionState.EMERGENCY_STOP),
-                                               _at_rest(0.1)),
-    "states: collision in one message": _edit(STATE_TYPE, _set("collision_state", 1), _at_rest(0.009)),
-    "states: no power for 50 ms": _edit(STATE_TYPE, _set("power_state", 0), _at_rest(0.05)),
+    "joints: names swapped": edit(JOINT_TYPE, _swap("name")),
+    "joints: names swapped for 0.5 s": edit(JOINT_TYPE, _swap("name"), _at_rest(0.5)),
+    "joints: efforts that were not there": edit(JOINT_TYPE, _add_effort),
+    "joints: one less for 0.5 s": edit(JOINT_TYPE, _one_joint_less, _at_rest(0.5)),
+    "joints: other frame": edit(JOINT_TYPE, _frame),
+    "states: error for 50 ms": edit(STATE_TYPE, _set("motion_state", MotionState.ERROR), _at_rest(0.05)),
+    "states: emergency stop for 100 ms": edit(STATE_TYPE, _set("motion_state", MotionState.EMERGENCY_STOP),
+                                              _at_rest(0.1)),
+    "states: collision in one message": edit(STATE_TYPE, _set("collision_state", 1), _at_rest(0.009)),
+    "states: no power for 50 ms": edit(STATE_TYPE, _set("power_state", 0), _at_rest(0.05)),
     "states: error in place of running": _instead_of_running(MotionState.ERROR),
     "states: paused in place of running": _instead_of_running(MotionState.PAUSED),
     "states: 77 in place of running": _instead_of_running(77),
     "states: stopped in place of running": _instead_of_running(MotionState.STOPPED),
-    "states: servo mode for 1 s": _edit(STATE_TYPE, _set("servo_state", 1), lambda golden: (0.1, 1.1)),
+    "states: servo mode for 1 s": edit(STATE_TYPE, _set("servo_state", 1), lambda golden: (0.1, 1.1)),
     "states: 60 ms late": _late_states(0.06),
     "states: 400 ms late": _late_states(0.4),
     "calls: one is missing": _call_missing,

@@ -4,7 +4,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional
 from ...containers.registry import create_log, open_log
 from ...containers.time_order import messages_of
 from ...messages.connection import Connection
-from ...messages.value_writer import ValueWriter, exact_time, time_of
+from ...messages.value_writer import ValueWriter, exact_time, in_ns, time_of
 from ...messages.values import ValueReader
 from ...paths import PathLike
 from ...units import NS_PER_S
@@ -49,9 +49,9 @@ class EditableLog:
         """Time from the first to the last message, s."""
         return (self.items[-1].time - self.items[0].time) / NS_PER_S
 
-    def topics_of(self, datatype: str) -> List[str]:
-        """Return the topics of a type, sorted."""
-        return sorted(topic for topic, one in self.connections.items() if one.datatype == datatype)
+    def first_topic_of(self, datatype: str) -> Optional[str]:
+        """Return the first topic of a type by name; None where there is none."""
+        return min((topic for topic, one in self.connections.items() if one.datatype == datatype), default=None)
 
     def seconds(self, item: Item) -> float:
         """Return the time of a message since the log's begin, s."""
@@ -105,8 +105,7 @@ class EditableLog:
             value = self.value(item)
             by = int(shift(self.seconds(item)) * NS_PER_S)
             if "stamp" in value.get("header", {}):
-                seconds, nanoseconds = value["header"]["stamp"]
-                stamp = seconds * NS_PER_S + nanoseconds
+                stamp = in_ns(value["header"]["stamp"])
                 value["header"]["stamp"] = time_of(stamp + int(shift((stamp - self.start) / NS_PER_S) * NS_PER_S))
                 item = self.with_value(item, value)
             return item._replace(time=item.time + by)

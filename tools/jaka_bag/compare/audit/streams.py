@@ -1,8 +1,9 @@
 """The defects of times: stamps, losses, doubles, silences, waits and pace."""
 from typing import Callable, Dict, List, Optional
 
+from ...messages.value_writer import in_ns, time_of
 from ...operations.tool_poses import TWIST_TYPE
-from .defects import JOINT_TYPE, Defect, Golden
+from .defects import JOINT_TYPE, Defect, Golden, edit
 from .editing import EditableLog, Item, Value
 
 _WAIT_S = 0.5
@@ -19,51 +20,30 @@ def _only(golden: Golden, keep: Callable[[int, Item], bool]) -> EditableLog:
     return golden.log.with_items(items).numbered()
 
 
-def _topic(golden: Golden, datatype: str) -> str:
-    return (golden.log.topics_of(datatype) or [""])[0]
-
-
-def _one_in_ten(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, TWIST_TYPE)
-    return _only(golden, lambda number, item: item.topic != topic or number % 10 != 0)
-
-
-def _half(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, JOINT_TYPE)
-    return _only(golden, lambda number, item: item.topic != topic or number % 2 == 0)
-
-
-def _silences(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, TWIST_TYPE)
-    return _only(golden, lambda number, item: item.topic != topic or golden.log.seconds(item) % 3.0 >= 0.4)
-
-
-def _ends_early(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, JOINT_TYPE)
-    end = golden.log.duration - 1.0
-    return _only(golden, lambda number, item: item.topic != topic or golden.log.seconds(item) < end)
-
-
-def _without_topic(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, TWIST_TYPE)
-    return _only(golden, lambda number, item: item.topic != topic)
+def _dropping(datatype: str, keep: Callable[[Golden, int, float], bool]) -> Defect:
+    """Return a defect that drops messages of a type's first topic; ``keep`` gets number and time, s, of each."""
+    def plant(golden: Golden) -> Optional[EditableLog]:
+        topic = golden.log.first_topic_of(datatype)
+        return _only(golden, lambda number, item: item.topic != topic
+                     or keep(golden, number, golden.log.seconds(item)))
+    return plant
 
 
 def _doubled(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, JOINT_TYPE)
+    topic = golden.log.first_topic_of(JOINT_TYPE)
     log = golden.log
     return log.with_items(log.items + [item for item in log.items if item.topic == topic])
 
 
 def _lost_on_the_way(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, TWIST_TYPE)
+    topic = golden.log.first_topic_of(TWIST_TYPE)
     log = golden.log
     counts = iter(range(len(log.items)))
     return log.with_items([item for item in log.items if item.topic != topic or next(counts) % 20 != 0])
 
 
 def _bursts(golden: Golden) -> Optional[EditableLog]:
-    topic = _topic(golden, JOINT_TYPE)
+    topic = golden.log.first_topic_of(JOINT_TYPE)
     step = 10**8
     return golden.log.with_items([item._replace(time=item.time // step * step + step) if item.topic == topic else item
                                   for item in golden.log.items])
@@ -72,13 +52,13 @@ def _bursts(golden: Golden) -> Optional[EditableLog]:
 def _stamps(change: Callable[[int], int]) -> Defect:
     """Return a defect of the stamps of the tool poses, ns."""
     def apply(value: Value, _now: float) -> None:
-        stamp = change(value["header"]["stamp"][0] * 10**9 + value["header"]["stamp"][1])
-        value["header"]["stamp"] = (stamp // 10**9, stamp % 10**9)
-    return lambda golden: golden.log.edited(_topic(golden, TWIST_TYPE), apply)
+        value["header"]["stamp"] = time_of(change(in_ns(value["header"]["stamp"])))
+    return edit(TWIST_TYPE, apply)
 
 
 def _stamps_swapped(golden: Golden) -> Optional[EditableLog]:
-    topic, log = _topic(golden, TWIST_TYPE), golden.log
+    log = golden.log
+    topic = log.first_topic_of(TWIST_TYPE)
     places = [i for i, item in enumerate(log.items) if item.topic == topic]
     one, other = places[len(places) // 2: len(places) // 2 + 2]
     items = list(log.items)
@@ -118,14 +98,15 @@ DEFECTS: Dict[str, Defect] = {
     "stamps: all 0": _stamps(lambda stamp: 0),
     "stamps: of four messages each the same": _stamps(lambda stamp: stamp // 32_000_000 * 32_000_000),
     "stamps: two swapped": _stamps_swapped,
-    "messages: one in ten is never published": _one_in_ten,
-    "messages: each second one is never published": _half,
+    "messages: one in ten is never published": _dropping(TWIST_TYPE, lambda golden, number, at: number % 10 != 0),
+    "messages: each second one is never published": _dropping(JOINT_TYPE, lambda golden, number, at: number % 2 == 0),
     "messages: one in twenty is lost": _lost_on_the_way,
     "messages: each comes twice": _doubled,
-    "messages: silent for 0.4 s in 3": _silences,
+    "messages: silent for 0.4 s in 3": _dropping(TWIST_TYPE, lambda golden, number, at: at % 3.0 >= 0.4),
     "messages: in bursts of 0.1 s": _bursts,
-    "messages: none in the last second": _ends_early,
-    "messages: a topic is missing": _without_topic,
+    "messages: none in the last second": _dropping(
+        JOINT_TYPE, lambda golden, number, at: at < golden.log.duration - 1.0),
+    "messages: a topic is missing": _dropping(TWIST_TYPE, lambda golden, number, at: False),
     "time: all 2 % slower": _slower,
     "time: a wait of 0.5 s is dropped": _wait_dropped,
     "time: a wait of 0.5 s is added": _wait_added,

@@ -4,7 +4,7 @@ from html import escape
 from pathlib import Path
 from typing import Sequence, Tuple
 
-from ...output_file import OutputFile
+from ...output_file import write_text
 from .html import definitions, page
 from .junit import SUITE, Case, junit
 
@@ -51,5 +51,4 @@ def write_failure(folder: Path, golden: str, reason: str) -> None:
     """
     texts = failure_texts(golden, reason, sorted(path.name for path in folder.glob("*.log")))
     for name, text in zip(REPORT_NAMES, texts):
-        with OutputFile(str(folder / name), True) as output:
-            output.write(text.encode("utf-8", "replace"))
+        write_text(folder / name, text, True)

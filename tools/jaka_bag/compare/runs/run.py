@@ -151,6 +151,10 @@ class LongTrack:
                 return part
             low, high = (4.0 * low if lacks_before else low), (4.0 * high if lacks_behind else high)
 
+    def beginning(self) -> Track:
+        """Return the first finite sample, with one more behind it if there is one; none where there is none."""
+        return self.around(self.facts.first, self.facts.first)
+
     def at(self, times: Array) -> Array:
         """Return values at ascending times, s, interpolated and held at the ends, shape (len(times), columns)."""
         result = np.empty((len(times), len(self.names)))
