@@ -5,6 +5,7 @@ from import_graph import ROOT
 
 from jaka_bag.cli.main import main
 from jaka_bag.compare.audit.auditing import DEFECTS, REASONS, audit
+from jaka_bag.compare.audit.editing import read_log, write_log
 from jaka_bag.compare.tolerances import parse_tolerances
 from jaka_bag.errors import DefinitionError
 from jaka_bag.messages.value_writer import ValueWriter, exact_time
@@ -58,3 +59,12 @@ def test_a_value_that_does_not_fit_is_refused():
     for value in ({}, {"data": "x"}, {"data": None}):
         with pytest.raises(DefinitionError, match="does not fit its field"):
             ValueWriter(level.connection).write(value)
+
+
+def test_a_log_without_tool_poses_is_audited_by_what_it_has(tmp_path):
+    log = read_log(GOLDEN / "boot.mcap")
+    path = tmp_path / "golden.mcap"
+    write_log(log.with_items([item for item in log.items if not item.topic.endswith("/tool_position")]), path)
+    findings = {finding.defect: finding for finding in audit(path)}
+    assert not findings["stamps: two swapped"].is_planted and not findings["tool: mm for m"].is_planted
+    assert findings["joints: degrees for radians"].found_by

@@ -60,6 +60,8 @@ def _stamps_swapped(golden: Golden) -> Optional[EditableLog]:
     log = golden.log
     topic = log.first_topic_of(TWIST_TYPE)
     places = [i for i, item in enumerate(log.items) if item.topic == topic]
+    if len(places) < 2:
+        return None
     one, other = places[len(places) // 2: len(places) // 2 + 2]
     items = list(log.items)
     values = [log.value(items[i]) for i in (one, other)]
