@@ -38,6 +38,7 @@ class MessagePlayer:
         self._classes: Dict[Tuple[str, str], Any] = {}
         self._results: Dict[Tuple[str, str], Reply] = {}
         self._subscribers: List[Any] = []
+        self._stamps: Dict[str, Tuple[Any, Any]] = {}
         self._changed = threading.Condition()
 
     def advertise(self, messages: Sequence[SentMessage], timeout_s: float) -> None:
@@ -69,7 +70,8 @@ class MessagePlayer:
         made = self._classes[key]()
         made.deserialize(message.data)
         now = rospy.Time.now()
-        _move_stamps(made, rospy.Duration.from_sec(now.to_sec() - message.recorded_ns / NS_PER_S))
+        offset = rospy.Duration.from_sec(now.to_sec() - message.recorded_ns / NS_PER_S)
+        self.move_stamps(message.connection.topic, made, offset)
         self._publishers[key].publish(made)
         if not (message.goal_id and message.duration):
             return Reply(True, "")
@@ -79,6 +81,19 @@ class MessagePlayer:
             while wanted not in self._results and self._why_end() is None and time.monotonic() < end:
                 self._changed.wait(_POLL_S)
             return self._results.get(wanted, Reply(False, "no result came"))
+
+    def move_stamps(self, topic: str, message: Any, offset: Any) -> None:
+        """Move every stamp of a message by a duration, or by more: on its topic none goes back that did not before.
+
+        Messages that are late come closer together than in the log, and each would be as old as it was there.
+        """
+        stamp = message.header.stamp if hasattr(message, "header") else genpy.Time()
+        if not stamp.is_zero():
+            before, told = self._stamps.get(topic, (stamp, stamp + offset))
+            if before <= stamp and stamp + offset < told:
+                offset = told - stamp
+            self._stamps[topic] = stamp, stamp + offset
+        _move_stamps(message, offset)
 
     def _take_result(self, action: str, message: Any) -> None:
         """Take the beginning of any ActionResult: a header and the goal's status."""
