@@ -31,7 +31,7 @@ def test_wider_tolerances_miss_more(capsys, tmp_path):
     missed = {line.partition("  ")[0] for line in lines if "MISSED" in line}
     assert {"tool: x off by 1 mm", "tool: 96 ms stale", "stamps: 50 ms old"} <= missed
     assert "tool: mm for m" not in missed
-    assert lines[-1].startswith("%d of 64 defects would be missed: tool: x off by 1 mm, " % len(missed))
+    assert lines[-1].startswith("%d of 66 defects would be missed: tool: x off by 1 mm, " % len(missed))
 
 
 def test_a_log_without_misses_ends_with_0_and_a_candidate_is_too_much(capsys):

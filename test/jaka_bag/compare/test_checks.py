@@ -56,6 +56,17 @@ def test_a_new_alarm_is_found_however_brief_it_is(column, value, end, tmp_path):
     assert "is new" in check.detail and check.at == pytest.approx(0.3, abs=0.05)
 
 
+@pytest.mark.parametrize("column, alarm, none", [(0, 2, 0), (1, 0, 1), (3, 1, 0)])
+def test_an_alarm_that_comes_again_is_found_though_what_is_between_is_brief(column, alarm, none, tmp_path):
+    def base(one):
+        states(0.0, 1.0, column, alarm)(one)
+
+    def change(one):
+        states(0.9, 0.91, column, none)(one)
+        states(1.1, 1.11, column, alarm)(one)
+    assert "comes again" in only(differences(tmp_path, change, base=base), Aspect.STATES).detail
+
+
 @pytest.mark.parametrize("value", [1, 2, 4, 77])
 @pytest.mark.parametrize("rest_s", [0.003, 0.01, 0.09])
 def test_another_state_is_found_between_brief_ones(value, rest_s, tmp_path):

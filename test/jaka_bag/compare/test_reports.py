@@ -39,7 +39,7 @@ def bad(golden, program, tmp_path_factory):
 def test_text_of_a_good_run_is_four_lines(good):
     lines = as_text(good).splitlines()
     assert len(lines) == 4 and lines[-2].startswith("same: ")
-    assert lines[-1].startswith("58 checks; 4 of 4 topics, 33 of 35 fields; not compared: /jaka_driver/service_calls c")
+    assert lines[-1].startswith("59 checks; 4 of 4 topics, 33 of 35 fields; not compared: /jaka_driver/service_calls c")
     assert len(as_text(good, verbose=True).splitlines()) > 30
 
 

@@ -139,7 +139,7 @@ def _opposite_turn(value: Value, _now: float) -> None:
     value["twist"]["angular"]["x"] = -value["twist"]["angular"]["x"]
 
 
-def _frame(value: Value, _now: float) -> None:
+def _frame(value: Value, _now: float = 0.0) -> None:
     value["header"]["frame_id"] += "_2"
 
 
@@ -310,6 +310,8 @@ DEFECTS: Dict[str, Defect] = {
     "calls: other value in a response": _call(_other_ret, lambda value: "1" in value["response_text"]),
     "calls: another service": _call(lambda value: value.update(service=value["service"] + "_2")),
     "calls: another version of the type": _call(_put(md5sum="f" * 32)),
+    "calls: other frame": _call(_frame),
+    "calls: a request told in other words": _call(lambda value: value.update(request_text=value["request_text"] + "#")),
     "calls: one is 0.4 s late": _call(_later(0.4)),
     "calls: one takes 1 s longer": _call(lambda value: value.update(duration=value["duration"] + 1.0)),
 }

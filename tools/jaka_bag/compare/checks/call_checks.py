@@ -107,6 +107,11 @@ def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
             differs(one, one.start, where + _outcome(other), _outcome(one), _outcome(other))
         if one.service_type != other.service_type:
             differs(one, one.start, where + "has another type", one.service_type, other.service_type)
+        if one.request == other.request and one.request_text != other.request_text:
+            differs(one, one.start, where + "is told in other words", one.request_text, other.request_text)
+        if one.response == other.response and one.response_text != other.response_text:
+            differs(one, one.start, where + "has the same response in other words", one.response_text,
+                    other.response_text)
     for gone, come in _between(places, ours, theirs, lag):
         if gone is not None and come is not None:
             differs(gone, gone.start, "%s at %.2f s asks for something else: %s" % (

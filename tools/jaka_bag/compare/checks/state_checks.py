@@ -1,5 +1,6 @@
 """Sequences of states: the same ones in the same order, each change in time; brief ones may be missed."""
 import re
+from collections import Counter
 from functools import partial
 from typing import Callable, List, Tuple
 
@@ -126,6 +127,7 @@ def field_checks(aspect: Aspect, topic: str, name: str, ours: List[StateRun], th
         pairs = found.pairs
         alone = [(ours[i], ours[i].start, "is missing") for i in found.missing]
         alone += [(theirs[j], theirs[j].start - lag, "is new") for j in found.new]
+        alone += [(run, run.start - lag, "comes again") for run in _further_alarms(name, ours, theirs)]
     late = [(theirs[j].start - lag - ours[i].start, ours[i]) for i, j in pairs if i > 0 and j > 0]
     if alone:
         run, at, words = min(alone, key=lambda entry: entry[1])
@@ -139,6 +141,17 @@ def field_checks(aspect: Aspect, topic: str, name: str, ours: List[StateRun], th
                              "the change to %s comes %.3f s %s" % (name_of(changed.value), abs(off),
                                                                    "later" if off > 0 else "sooner"), changed.start))
     return checks
+
+
+def _further_alarms(name: str, ours: List[StateRun], theirs: List[StateRun]) -> List[StateRun]:
+    """Return the last run of each alarm that begins more often than in the golden log.
+
+    The pairing joins an alarm with the same one before it, where what came between is excused as brief.
+    """
+    began = Counter(run.value for run in ours)
+    last = {run.value: run for run in theirs if is_alarm(name, run.value)}
+    return [last[value] for value, count in Counter(run.value for run in theirs).items()
+            if value in last and count > began[value]]
 
 
 def _beside_motions(topic: str, arm: str, runs: Tuple[List[StateRun], List[StateRun]], alignment: Alignment,

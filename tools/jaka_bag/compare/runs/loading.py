@@ -31,6 +31,7 @@ from .windows import LogWindows, Rows, TrackKey, samples_of
 JOINT_STATE = "sensor_msgs/JointState"
 STATE_TYPES = (STATE_TYPE, "industrial_msgs/RobotStatus")
 _HEADER_FIELDS = ("header.stamp", "header.seq")
+_FRAME = "header.frame_id"
 _SCANS = 4
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
@@ -178,7 +179,7 @@ class _Loader:
         kind = self._kind(topic) or ""
         some = ("position", "name") if kind == JOINT_STATE else POSE_FIELDS.get(kind)
         if some is not None:
-            self._fields[topic] = {*_HEADER_FIELDS, "header.frame_id", *some, *self._tolerances.fields.get(topic, ())}
+            self._fields[topic] = {*_HEADER_FIELDS, _FRAME, *some, *self._tolerances.fields.get(topic, ())}
 
     def _seconds(self, time_ns: Array) -> Array:
         """Return times since the log's first message, s, as if it had run at speed 1."""
@@ -265,7 +266,7 @@ class _Loader:
                 values[""] = (np.hstack(poses), None)
             self._names[topic] = tuple("%s.%s" % (part, axis) for part in _POSE_PARTS[kind] for axis in "xyz")
             if scan is not None:
-                scan.frames.setdefault(topic, set()).update(_texts(fields["header.frame_id"]))
+                scan.frames.setdefault(topic, set()).update(_texts(fields[_FRAME]))
         elif kind in STATE_TYPES:
             names = [name for name, column in fields.items()
                      if column.ndim == 1 and column.dtype.kind in "iub" and not name.startswith("header.")]
@@ -288,18 +289,19 @@ class _Loader:
                 types[name] = reader.leaf(topic, name).type
         known = dict.fromkeys(self._tolerances.fields.get(topic, ()), NUMBERS)
         if kind == CALL_TYPE:
-            known.update((name, "" if name == "caller" else "calls") for name in columns.fields)
+            known.update((name, "" if name == "caller" else "calls") for name in columns.fields if name != _FRAME)
         elif kind == JOINT_STATE:
             known["position"] = "joints"
         elif kind in STATE_TYPES:
             known.update(dict.fromkeys(self._names[topic], "states"))
         elif kind in _POSE_PARTS and "" in values:
-            known.update(dict.fromkeys((*POSE_FIELDS[kind], "header.frame_id"), "tool poses"))
+            known.update(dict.fromkeys((*POSE_FIELDS[kind], _FRAME), "tool poses"))
         if kind == CALL_TYPE:
-            columns = columns._replace(fields={})
+            columns = columns._replace(fields={name: columns.fields[name] for name in (_FRAME,)
+                                               if name in columns.fields})
         split = self._splitters[topic].split(columns, types, known)
         if kind == CALL_TYPE:
-            split = split._replace(handled=known)
+            split = split._replace(handled={**known, **split.handled})
         for name, (value, which) in split.numbers.items():
             values[name] = (value, which)
             self._assumed.lengths.setdefault((topic, name), value.shape[1])
