@@ -24,7 +24,8 @@ ROS_PACKAGES = (
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = tuple(import_graph.ROOT / "test" / name
                  for name in ("ros", "packaging", "jaka_fleet/ros", "jaka_regression/ros"))
-LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
+LONG = (
+    "test/jaka_regression/ros/", "test/ros/pages/", "test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
@@ -77,7 +78,7 @@ def pytest_ignore_collect(collection_path, config):
 
 def pytest_collection_modifyitems(items):
     """Begin with the folders whose files take longest: a parallel run is over when its last file is."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+    items.sort(key=lambda item: next((i for i, folder in enumerate(LONG) if item.nodeid.startswith(folder)), len(LONG)))
 
 
 def pytest_terminal_summary(terminalreporter):
