@@ -28,7 +28,7 @@ toppra, toppra_constraint, toppra_algorithm = (
     planner("toppra"), planner("toppra.constraint"), planner("toppra.algorithm"))
 interpolate = planner("scipy.interpolate")
 
-PLANS = {"zu3": 40, "zu7": 40, "zu18": 40}
+PLANS = {"zu3": 30, "zu7": 30, "zu18": 30}
 BATCH = 10
 SPACINGS_S = (0.1, 0.05, 0.04, 0.02, 0.01, 0.008)
 SPEED_SHARE = 0.6
