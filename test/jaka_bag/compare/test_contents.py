@@ -54,6 +54,14 @@ def test_another_value_of_any_field_is_found(topic, name, golden, tmp_path):
     assert found and (topic == "/joint_states" or {check.topic for check in found} == {topic}), found
 
 
+@pytest.mark.parametrize("again, is_same", [
+    (lambda one: one.replace("4711_1795766900123", "815_1795766999456").replace("6913.24", "6999.5"), True),
+    (lambda one: one.replace("-1-", "-2-"), False), (lambda one: one.replace("cell", "planner"), False)])
+def test_the_goal_of_another_run_is_the_same_by_its_node_and_number(again, is_same, golden, tmp_path):
+    some = changed(entries(1), "/arm/status", "status_list.goal_id.id", again)
+    assert compared(golden, tmp_path, some).same is is_same
+
+
 @pytest.mark.parametrize("topic, name", [one for one in ALL if "stamp" not in one[1]])
 def test_another_value_for_half_a_second_is_found(topic, name, golden, tmp_path):
     some = changed(entries(1), topic, name, other, lambda entry: 3.7 <= entry.time < 4.3)
@@ -168,7 +176,7 @@ def test_repeats_of_a_longer_log_are_allowed_wherever_its_period_begins(length):
 def test_coverage_names_what_is_not_compared(golden, tmp_path, capsys):
     path = write_entries(tmp_path / "candidate.mcap", entries(1))
     assert main(["compare", str(golden), str(path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].endswith("11 of 11 topics, 56 of 56 fields")
+    assert capsys.readouterr().out.splitlines()[-1].endswith("12 of 12 topics, 63 of 63 fields")
     assert main(["compare", str(golden), str(path), "--strict"]) == 0
     left_out = tmp_path / "left_out.yaml"
     left_out.write_text("ignore_topics: ['/cell/level']\nignore_fields: ['/cell/mode text']\n")

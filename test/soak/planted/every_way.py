@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """A cell's program that moves the arm in every way: moves, jog, servo stream, trajectory; a gripper between."""
 import math
+import time
 
 import actionlib
 import rospy
@@ -56,14 +57,11 @@ def jog(index, speed, seconds):
 def stream(amplitude, seconds):
     call("servo_move_enable", ServoMoveEnable, True)
     send = rospy.ServiceProxy("/jaka_driver/servo_j", ServoMove, persistent=True)
-    begun = rospy.Time.now().to_sec()
-    rate = rospy.Rate(125.0)
-    now = 0.0
-    while now < seconds:
-        now = min(rospy.Time.now().to_sec() - begun, seconds)
-        offset = amplitude * (1.0 - math.cos(2.0 * math.pi * now / seconds))
-        send([BESIDE[0] + offset, *BESIDE[1:]])
-        rate.sleep()
+    begun = time.monotonic()
+    count = int(125.0 * seconds)
+    for number in range(count + 1):
+        send([BESIDE[0] + amplitude * (1.0 - math.cos(2.0 * math.pi * number / count)), *BESIDE[1:]])
+        time.sleep(max(0.0, begun + (number + 1) / 125.0 - time.monotonic()))
     rospy.sleep(0.3)
     call("servo_move_enable", ServoMoveEnable, False)
 

@@ -13,6 +13,8 @@ from jaka_bag.messages.value_writer import ValueWriter, time_of
 QUATERNION = BREAK + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
 POINT = BREAK + "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
 BANK = BREAK + "MSG: jaka_msgs/IOBank\nbool[] digital_inputs\nfloat64[] analog_inputs\n"
+GOAL_ID = "/cell_4711_1795766900123-%d-%s"
+"""An anonymous node, the number of its goal, and the goal's time."""
 Value = Dict[str, Any]
 
 
@@ -78,6 +80,13 @@ TOPICS: List[Topic] = [
                      + "MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n" + POINT + QUATERNION),
           lambda now, n: {"header": _head(now, n, "base"), "pose": {
               "position": _vector(0.4, _wave(now, 0.1), 0.2), "orientation": _turn(3.0 + _wave(now, 0.5))}}, 30.0),
+    Topic(connection("/arm/status", "actionlib_msgs/GoalStatusArray",
+                     "Header header\nGoalStatus[] status_list\n" + HEADER + BREAK
+                     + "MSG: actionlib_msgs/GoalStatus\nGoalID goal_id\nuint8 status\nstring text\n" + BREAK
+                     + "MSG: actionlib_msgs/GoalID\ntime stamp\nstring id\n"),
+          lambda now, n: {"header": _head(now, n), "status_list": [
+              {"goal_id": {"stamp": _head(now, n)["stamp"], "id": GOAL_ID % (1 + int(now) // 3, "1795766913.24")},
+               "status": 1 + int(now) % 3, "text": "step %d" % int(now)}]}, 20.0),
     Topic(connection("/cell/image", "cell/Image", "uint32 width\nuint8[] data\n"),
           lambda now, n: {"width": 4, "data": bytes(range(int(now) % 3, 16 + int(now) % 3))}, 5.0),
     Topic(connection("/jaka_driver/io_states", "jaka_msgs/IOStates", "Header header\nIOBank cabinet\n" + HEADER + BANK),

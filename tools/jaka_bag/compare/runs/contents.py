@@ -18,6 +18,12 @@ AGE, QUATERNION = " (from recording, s)", " (quaternion)"
 """Endings of the names of numbers that are times, s since their message was recorded, and unit quaternions x y z w."""
 _TRANSFORM_FIELDS = {"seq": COUNTER, "stamp": AGE}
 _COUNTERS = re.compile(r"(.*\.)?header\.seq")
+_GOAL_IDS = re.compile(r"(.*\.)?goal_id\.id")
+_OF_ONE_RUN = re.compile(rb"-\d+\.\d+$|_\d+_\d{10,}")
+"""What makes the goal ids of actionlib differ from run to run: the goal's time; process id and time of an anonymous node.
+
+The node's name and the number of its goal stay.
+"""
 _MOST_LABELS = 2000
 _LABEL_VALUES, _LABEL_LETTERS = 12, 60
 
@@ -120,8 +126,14 @@ class Splitter:
             rows = column.reshape(len(column), -1)
             begins = np.flatnonzero(np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)]))
         labels = self.labels.setdefault(name, {})
-        keys = [_key(column[i], labels) for i in begins.tolist()]
+        is_goal_id = _GOAL_IDS.fullmatch(name) is not None
+        keys = [_key(_of_any_run(column[i]) if is_goal_id else column[i], labels) for i in begins.tolist()]
         return np.repeat(np.array(keys, np.int64), np.diff(begins, append=len(column)))
+
+
+def _of_any_run(goal_ids: Array) -> Array:
+    ids = np.asarray(goal_ids)
+    return np.array([_OF_ONE_RUN.sub(b"", one) for one in ids.reshape(-1).tolist()], "S").reshape(ids.shape)
 
 
 def _key(value: Array, labels: Dict[int, str]) -> int:
