@@ -29,6 +29,10 @@ MAX_CYCLES = 1000
 _UNIT_PACE = LegPace(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
+_MISSING_S = 0.04
+"""Time, s, for which a stream without points is not idle: a few cycles, less than any client's pause."""
+
+
 class Starvation(enum.Enum):
     """The reactions of the arm to a servo stream without more points.
 
@@ -72,8 +76,14 @@ class ServoStream:
 
     @property
     def is_idle(self) -> bool:
-        """True when no point is left."""
-        return not self._points
+        """True when no point is left that leads elsewhere, and none has been missing for a moment only.
+
+        Whether a cycle meets a client's point of the same cycle is chance: neither one that holds the arm nor a cycle
+        without one in the middle of a stream may make the arm appear to begin or to end a motion.
+        """
+        if any(point.end != self._target for point in self._points):
+            return False
+        return self._dry_for is None or self._dry_for >= _MISSING_S or not any(self._increment)
 
     def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
         """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; return False where it is ignored.

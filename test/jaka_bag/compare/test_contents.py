@@ -62,6 +62,13 @@ def test_the_goal_of_another_run_is_the_same_by_its_node_and_number(again, is_sa
     assert compared(golden, tmp_path, some).same is is_same
 
 
+@pytest.mark.parametrize("end, is_same", [(2.02, True), (2.2, False)])
+def test_a_goal_may_be_seen_pending_for_a_moment(end, is_same, golden, tmp_path):
+    some = changed(entries(1), "/arm/status", "status_list.status", lambda status: 0,
+                   lambda entry: 1.99 <= entry.time < end)
+    assert compared(golden, tmp_path, some).same is is_same
+
+
 @pytest.mark.parametrize("topic, name", [one for one in ALL if "stamp" not in one[1]])
 def test_another_value_for_half_a_second_is_found(topic, name, golden, tmp_path):
     some = changed(entries(1), topic, name, other, lambda entry: 3.7 <= entry.time < 4.3)

@@ -57,7 +57,12 @@ def test_one_point_a_cycle_is_followed_exactly(watch):
         assert watch.plant.joint_position[0] == pytest.approx(0.01 * n)
     assert not watch.plant.is_in_position
     watch.step(2)
+    assert not watch.plant.is_in_position  # a point that is missing for a moment ends no motion
+    watch.step(4)
     assert watch.plant.is_in_position
+    for _ in range(3):
+        assert watch.plant.servo_joint(watch.plant.joint_position)
+    assert watch.plant.is_in_position  # points that hold the arm begin none
 
 
 def test_a_point_of_several_cycles_is_interpolated(watch):

@@ -12,6 +12,7 @@ from ...units import mm_to_m, ms_to_s
 from ..matching.alignment import Alignment
 from ..matching.course import Course
 from ..matching.curve_distance import distances
+from ..matching.state_pairing import StateRun
 from ..runs.contents import AGE, QUATERNION
 from ..runs.run import Contents, LongTrack, Run, Stream, Track
 from ..tolerances import ContentTolerance, StateTolerance, Tolerances
@@ -20,6 +21,8 @@ from .state_checks import field_checks, in_common, note_lengths, state_runs
 
 _PLACES = re.compile(r"(.*[. ])?(position|translation)(\.[xyz])?")
 _JOINTS = re.compile(r"(.*\.)?positions")
+_GOAL_STATUSES = re.compile(r"(.*\.)?status_list\.status")
+_PENDING = re.compile(r"\b0\b")
 _FEWEST_PERIODIC = 10
 _FAST_HZ = 20.0
 _STEADY_SHARE = 0.6
@@ -181,10 +184,29 @@ def _sequence_checks(topic: str, name: str, ours: Contents, theirs: Contents, la
     if changes > max(_COUNTER_SHARE * count, _FEWEST_COUNTED) and name not in ours.labels:
         return [_counter_check(topic, name, tracks, columns, lag, tolerances)]
     golden, candidate = (state_runs(track, column, until) for track, column, until in zip(tracks, columns, spans))
+    if _GOAL_STATUSES.fullmatch(name):
+        golden, candidate = (_without_brief_pending(runs, some.labels.get(name, {}), limits.brief_s)
+                             for runs, some in zip((golden, candidate), (ours, theirs)))
     runs = in_common(golden, candidate, lag)
     note_lengths(runs, course)
     return field_checks(Aspect.CONTENTS, topic, name, *runs, lag, limits,
                         partial(_name_of, ours.labels.get(name, {}), theirs.labels.get(name, {})))
+
+
+def _without_brief_pending(runs: List[StateRun], labels: Mapping[int, str], brief_s: float) -> List[StateRun]:
+    """Return runs of goal statuses without the moments in which a goal was pending.
+
+    An action server accepts a goal a moment after it has listed it; whether its timer publishes between is chance.
+    """
+    kept: List[StateRun] = []
+    for run in runs:
+        is_passing = run.length <= brief_s and _PENDING.search(labels.get(run.value, "")) is not None
+        if is_passing and run is not runs[-1]:
+            continue
+        if kept and kept[-1].value == run.value:
+            run = StateRun(run.value, kept.pop().start, run.end)
+        kept.append(run)
+    return kept
 
 
 def _counter_check(topic: str, name: str, tracks: List[Track], columns: List[int], lag: float,

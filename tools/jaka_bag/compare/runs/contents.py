@@ -20,7 +20,7 @@ _TRANSFORM_FIELDS = {"seq": COUNTER, "stamp": AGE}
 _COUNTERS = re.compile(r"(.*\.)?header\.seq")
 _GOAL_IDS = re.compile(r"(.*\.)?goal_id\.id")
 _OF_ONE_RUN = re.compile(rb"-\d+\.\d+$|_\d+_\d{10,}")
-"""What makes the goal ids of actionlib differ from run to run: the goal's time; process id and time of an anonymous node.
+"""The parts of actionlib's goal ids that differ from run to run: the goal's time; an anonymous node's process and time.
 
 The node's name and the number of its goal stay.
 """
