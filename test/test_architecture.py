@@ -75,7 +75,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "compare.tolerances": FLOOR,
         "compare.runs": FLOOR | CONTAINERS | {"messages", "operations", "compare.tolerances"},
         "compare.matching": FLOOR | {"messages", "compare.tolerances", "compare.runs"},
-        "compare.verdict": {"messages", "compare.tolerances", "compare.runs", "compare.matching"},
+        "compare.verdict": FLOOR | {"messages", "compare.tolerances", "compare.runs", "compare.matching"},
         "compare.checks": FLOOR | {"messages", "operations", "compare.tolerances", "compare.runs", "compare.matching",
                                    "compare.verdict"},
         "compare": FLOOR | {"messages", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",

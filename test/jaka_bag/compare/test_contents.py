@@ -62,6 +62,13 @@ def test_the_goal_of_another_run_is_the_same_by_its_node_and_number(again, is_sa
     assert compared(golden, tmp_path, some).same is is_same
 
 
+def test_what_was_asked_of_a_driver_by_a_message_is_told_before_what_follows(golden, tmp_path):
+    some = changed(entries(1), "/cell/level", "data", other)
+    assert compared(golden, tmp_path, some).beginning.topic == "/cell/level"
+    some = changed(some, "/arm/command", "data", other, lambda entry: entry.time > 3.0)
+    assert compared(golden, tmp_path, some).beginning.topic == "/arm/command"
+
+
 @pytest.mark.parametrize("end, is_same", [(2.02, True), (2.2, False)])
 def test_a_goal_may_be_seen_pending_for_a_moment(end, is_same, golden, tmp_path):
     some = changed(entries(1), "/arm/status", "status_list.status", lambda status: 0,
@@ -183,7 +190,7 @@ def test_repeats_of_a_longer_log_are_allowed_wherever_its_period_begins(length):
 def test_coverage_names_what_is_not_compared(golden, tmp_path, capsys):
     path = write_entries(tmp_path / "candidate.mcap", entries(1))
     assert main(["compare", str(golden), str(path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].endswith("12 of 12 topics, 63 of 63 fields")
+    assert capsys.readouterr().out.splitlines()[-1].endswith("13 of 13 topics, 64 of 64 fields")
     assert main(["compare", str(golden), str(path), "--strict"]) == 0
     left_out = tmp_path / "left_out.yaml"
     left_out.write_text("ignore_topics: ['/cell/level']\nignore_fields: ['/cell/mode text']\n")

@@ -93,6 +93,8 @@ TOPICS: List[Topic] = [
           _io, moments=tuple(np.cumsum([0.3, 0.21, 0.8, 0.35, 0.6, 0.22, 1.3, 0.4, 0.9, 0.31, 0.7, 0.5]).tolist())),
     Topic(connection("/cell/order", "std_msgs/String", "string data\n"),
           lambda now, n: {"data": "order %d" % n}, moments=(0.5, 1.1, 1.15, 3.0, 3.9, 5.2)),
+    Topic(connection("/arm/command", "std_msgs/Float64", "float64 data\n"), lambda now, n: {"data": 5.0 + n},
+          moments=(1.3, 4.0, 6.1)),
     Topic(connection("/cell/ten", "std_msgs/Float64", "float64 data\n"), lambda now, n: {"data": 0.1 * n},
           moments=tuple(0.4 + 0.7 * n for n in range(10))),
 ]

@@ -5,12 +5,14 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from ..driver_interface import INPUT_TOPICS
 from ..messages.batch import Array
 from .matching.alignment import Alignment
 from .matching.course import Course
 from .runs.run import Run
 from .tolerances import Envelope
 
+_INPUTS = tuple("/" + name for name in INPUT_TOPICS)
 _FOLLOWS_S = 1.0
 """Time, s, by which what follows from a call may seem to come before it, as two logs are laid together."""
 
@@ -137,6 +139,13 @@ def not_compared(aspect: Aspect, topic: str, field: str, why: str) -> Check:
     return Check(aspect, topic, field, Outcome.NOT_COMPARED, why)
 
 
+def _is_asked(check: Check) -> bool:
+    """Return whether a check is about what was asked of a driver: a call, or a message on a topic of its input."""
+    if check.aspect in (Aspect.CONTENTS, Aspect.FIELDS):
+        return check.topic.endswith(_INPUTS)
+    return check.aspect is Aspect.CALLS and not check.field
+
+
 class Gap(NamedTuple):
     """A topic, or one field of it, that nothing compares.
 
@@ -259,9 +268,10 @@ class Comparison:
     def beginning(self) -> Optional[Check]:
         """The difference from which others may follow; None where no failed check has a moment.
 
-        The earliest call that is changed, missing or new, unless the arm was elsewhere, or in another state, before it.
+        The earliest call, goal or other message to a driver that is changed, missing or new, unless the arm was
+        elsewhere, or in another state, before it.
         """
-        calls = [check for check in self.differences if check.aspect is Aspect.CALLS and not check.field]
+        calls = [check for check in self.differences if _is_asked(check)]
         others = [check for check in self.differences if not calls or check.aspect in _SHOWN_BY_THE_ARM]
         timed = [(onset, check) for check in others for onset in [self._onset(check)] if onset is not None]
         call = min(calls, key=lambda check: check.at or 0.0, default=None)
