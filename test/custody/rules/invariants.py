@@ -126,7 +126,7 @@ class Judge:
         self._stops_before = 0
         self._stop_is_owed = False
         self._showed_fault = False
-        self._restarts_seen = 0
+        self._restarts_seen, self._knows_loss = 0, False
         self._closed_at: Optional[float] = None
 
     # ---- events of the driver's process ----
@@ -197,6 +197,7 @@ class Judge:
     def link_lost(self, port: Port, now: float) -> None:
         """Note that the driver knows of a connection's end: by a fault, or because it gave it up itself."""
         self.sent.alarmed(is_fault=False)
+        self._knows_loss = True
         self.sent.jog.ended(now)
         self.motion.ended()
         if port is Port.COMMAND:
@@ -220,9 +221,9 @@ class Judge:
                 if not self._showed_fault:  # a message of rest while the fault stands counts as one after it
                     self.sent.jog.ended(now)
             self._showed_fault = frame.shows_fault
-            if frame.restarts > self._restarts_seen:
-                self._restarts_seen = frame.restarts
+            if frame.restarts > self._restarts_seen and not self._knows_loss:  # else it ended the link, which was told
                 self.sent.alarmed(is_fault=False)
+            self._restarts_seen, self._knows_loss = frame.restarts, False
 
     def called(self, call: Call) -> None:
         """Note a call that the core is about to get."""
