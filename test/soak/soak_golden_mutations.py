@@ -33,11 +33,10 @@ from jaka_bag.compare.tolerances import Tolerances  # noqa: E402
 
 FOLDER = ROOT / "test" / "data" / "golden"
 LIMITS = Tolerances()
-BRIEF_S = LIMITS.states.brief_s
 JITTER_S = LIMITS.timing.jitter_ms / 1000.0 + 0.008  # and the period in which a sample between two others is met
 CUT_S = LIMITS.timing.cut_ms / 1000.0
 KINDS = ("flip", "drop", "swap")
-ALARMS = {"motion_state": {4, 5}, "power_state": {0}, "collision_state": {1}}  # values that nothing excuses
+ALARMS = {"motion_state": {2, 4}, "power_state": {0}, "collision_state": {1}}  # values that nothing excuses
 
 Place = Tuple[Any, ...]  # the way to a field: names and indices
 

@@ -41,7 +41,6 @@ events:  # the gripper, whose switch is input 2
 """
 CONVERT = "jaka_ros_driver/ros/convert.py"
 CODEC = "jaka_ros_driver/protocol/codec.py"
-STATUS = "jaka_ros_driver/protocol/status.py"
 PUBLISHERS = "jaka_ros_driver/ros/topics/state_publishers.py"
 FOLLOWED = "jaka_ros_driver/ros/trajectories/messages.py"
 FRAME = "jaka_ros_driver/simulation/controller/status_frame.py"

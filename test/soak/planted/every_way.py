@@ -71,7 +71,7 @@ def follow(way):
     client.wait_for_server()
     goal = client.action_client.ActionGoal().goal
     goal.trajectory.joint_names = ["joint_%d" % (number + 1) for number in range(6)]
-    for angle, seconds in WAY:
+    for angle, seconds in way:
         goal.trajectory.points.append(JointTrajectoryPoint(
             positions=[BESIDE[0] + angle, *BESIDE[1:]], velocities=[0.0] * 6,
             time_from_start=rospy.Duration.from_sec(seconds)))
