@@ -160,6 +160,7 @@ class DriverProcess:
         self._last_tick = clock.now
         self._tries = dict.fromkeys(Port, 0)
         self._unread: List[_Unread] = []
+        self._unseen: List[Cable] = []  # connected by the kernel while the process stands still
         self._unread_bytes = dict.fromkeys(Port, 0)
         self._waiting: List[Callable[[], None]] = []
         self._calls = 0
@@ -218,6 +219,8 @@ class DriverProcess:
             if cable is not None:
                 cable.close_by_driver()
             self.cables[port] = None
+        for cable in self._unseen:
+            cable.close_by_driver()
 
     @property
     def is_paused(self) -> bool:
@@ -419,10 +422,16 @@ class DriverProcess:
         number = self._tries[port]
 
         def done(cable: Optional[Cable], reason: str) -> None:
+            if cable is not None and self.is_gone:
+                cable.close_by_driver()
+            elif cable is not None:
+                self._unseen.append(cable)
             self._when_awake(lambda: self._opened(port, number, cable, reason))
         self._network.connect(self, port, self._settings.connect_timeout, done)
 
     def _opened(self, port: Port, number: int, cable: Optional[Cable], reason: str) -> None:
+        if cable is not None:
+            self._unseen.remove(cable)
         if number != self._tries[port]:
             if cable is not None:
                 cable.close_by_driver()

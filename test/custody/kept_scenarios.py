@@ -292,6 +292,51 @@ KEPT: Dict[str, Scenario] = {
         (1.5, "queue", {"caller": 0, "joint": 0, "ways": (0.1, 0.1), "speed": 1.0, "first_waits": False,
                         "apart": 0.05}),
         (3.44, "velocity_jog", _LONG_JOG), seed=8, settings=_SETTINGS, length=12.0),
+    "a feed that was a little old showed the rest before a move for that after its stop": _scenario(
+        (20.8095, "slow_link", {"port": "STATUS", "carries": 0.98, "duration": 13.7425}),
+        (21.6162, "feed_shows", {"what": {"errcode": "0x020033"}, "duration": 5.27}),
+        (24.9414, "linear_move", {"shift": (0.0146, 0.0058, 0.0197), "turn": (0.0884, -0.0109, 0.0), "speed": 0.2715,
+                                  "acceleration": 2.6292, "wait": False, "caller": 0}),
+        (24.9858, "stop", {"caller": 9}),
+        length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, motion_timeout=300.0, jog_timeout=1.0,
+                                   link_loss_stop=0.3, power_timeout=3.0, enable_timeout=30.0),
+        dialect={"unknown_frame_fields": True}, firmware="1.5.14", start="enabled", latency=(0.0001, 0.0005),
+        lateness=0.0, has_turns=True, has_guard=True, seed=70001918),
+    "a driver that had stood still sent the first servo frame to an arm that another had moved": _scenario(
+        (0.4567, "servo_session", dict(_servo(0.2), caller=0, rate=30.0, speed=0.6172, axis=0)),
+        (0.4581, "pause", {"duration": 0.7069}), (0.7388, "rival", {"step": 0.2, "duration": 0.2003}),
+        length=15.0, settings=dict(_SETTINGS, servo_timeout=10.0, jog_timeout=3.0, link_loss_stop=0.3),
+        firmware="1.7.1", start="enabled", latency=(0.0001, 0.0005), lateness=0.0002, has_guard=True,
+        ends="close in trouble", seed=1763648202),
+    "a path that was stopped counted the corner to which the arm was guided by hand": _scenario(
+        (0.5, "maintenance", {"every": 0.7, "recovers": False}),
+        (14.2095, "rapid_rate", {"rate": 0.0, "duration": 0.8192}),
+        (14.5227, "path", {"segments": (
+            ("line", (0.0431, 0.0457, 0.0706, -0.0112, 0.0046, 0.0173)),
+            ("arc", (0.0262, -0.0484, -0.0077, -0.002, 0.0328, -0.0168)),
+            ("line", (0.0088, -0.0295, 0.046, 0.0014, 0.0347, -0.0026)),
+            ("line", (0.01, -0.0382, -0.0737, -0.0987, -0.0177, -0.0945)),
+            ("joint", (0.0069, -0.0464, 0.0786, -0.0401, -0.0669, 0.0092))),
+            "radius": 0.01, "speed": 0.1582, "then": "", "then_after": 0.0, "caller": 2}),
+        (15.5182, "stop_with", {"stop_first": False, "kind": "linear_move", "caller": 0, "args": {
+            "shift": (0.0, 0.0, 0.0), "turn": (0.0, 0.0, -0.0143), "speed": 0.0246, "acceleration": 1.1476,
+            "wait": False}}),
+        (15.8042, "guide_at_arm", {"joint": 0, "velocity": 0.2, "duration": 2.0}),
+        length=25.0, ends="close", firmware="1.5.14", start="off", dialect={"power_delay": 0.5},
+        settings={"feed_period": 0.1, "reply_timeout": 0.9, "motion_timeout": 300.0, "servo_timeout": 10.0,
+                  "link_loss_stop": 0.3, "power_timeout": 30.0, "enable_timeout": 3.0},
+        latency=(0.0001, 0.001), lateness=0.002, auto_enable=True, has_guard=True, seed=70001405),
+    "a process that was killed in mid connection kept the controller's port": _scenario(
+        (0.9112, "joint_move", {"delta": (0.0001, -0.0016, 0.0228, -0.003, -0.0008, 0.0027), "speed": 0.3552,
+                                "acceleration": 5.4208, "wait": False, "caller": 0}),
+        (1.804, "joint_move", {"delta": (-0.0008, 0.0001, 0.0, 0.0005, 0.0052, 0.0005), "speed": 0.8859,
+                               "acceleration": 7.5435, "wait": True, "caller": 0}),
+        (8.9775, "kill", {"restart_after": 2.2587}), (11.4601, "kill", {"restart_after": 2.106}),
+        (13.5673, "pause", {"duration": 13.2843}), (24.5998, "kill", {"restart_after": 0.3732}),
+        length=25.0, settings=dict(_SETTINGS, reply_timeout=0.9, motion_timeout=4.0, jog_timeout=3.0,
+                                   servo_timeout=10.0, link_loss_stop=0.3, power_timeout=3.0, enable_timeout=3.0),
+        firmware="1.5.14", start="off", dialect={"second_client": "refused"}, latency=(0.0001, 0.001), lateness=0.0,
+        auto_enable=True, has_guard=False, seed=70002070),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

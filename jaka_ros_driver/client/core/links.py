@@ -211,10 +211,10 @@ class Links:
             if is_new:
                 self._has_sight = True
                 witness = self._witness
-                self._custody.observe(state, now, Shown(witness.agreed_at if witness.is_trusted else _NEVER,
+                self._custody.observe(state, now, Shown(witness.rested_at if witness.is_trusted else _NEVER,
                                                         witness.agreed_at if witness.can_tell else _NEVER))
             self._actions.add(PublishState(state, is_new))
-        if self.is_ready and (self._witness.wants_to_ask or self._custody.question_due > self._witness.asked_at):
+        if self.is_ready and self._witness.wants_to_ask(self._custody.question_due, now):
             self._witness.ask(now)
         if self._witness.take_motion_seen():
             self._feed.refute_debt()

@@ -18,7 +18,7 @@ One that needs less may creep: it counts as at rest when it has been still clear
 So 0.0005 rad/s, with a step every 0.4 s, is never rest. At the usual end of a motion the last step took less than 0.04
 s, which changes nothing.
 """
-_LONGEST_GAP_S = 0.6
+LONGEST_GAP_S = 0.6
 """Longest gap, s, between two frames across which anything is known."""
 _COUNTED_GAP_S = 0.04
 """Share of a longer gap, s, that counts as rest.
@@ -61,7 +61,7 @@ class Stillness:
         """Take one fresh frame into account."""
         joints, now = state.joint_position, state.received_at
         anchor = self._anchor
-        if anchor is None or now - self._last > _LONGEST_GAP_S:
+        if anchor is None or now - self._last > LONGEST_GAP_S:
             self._anchor, self._since, self._seen_since = joints, now, now
             self._step_time = 0.0
             self._long_gaps.clear()

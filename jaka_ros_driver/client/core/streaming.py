@@ -137,6 +137,10 @@ class Streaming(ArmMotion):
             self._confirming = Running(left_servo_mode(), self._custody.channel, self._leave_ended)
             self._confirming.begin(now)
             return
+        if now - self._next_frame > self._custody.settings.stale_after:  # the arm may have been moved meanwhile
+            self._custody.stop(MotionInterrupted(
+                StopCause.LINK_LOST, "the driver was held up for %.2f s" % (now - self._next_frame)), now)
+            return
         self._send_frame(now)
 
     def observe_stop(self, state: RobotState) -> None:

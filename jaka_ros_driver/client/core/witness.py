@@ -10,6 +10,7 @@ from typing import Any, Deque, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import CommandChannel
+from jaka_ros_driver.client.core.stillness import LONGEST_GAP_S, MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.state import RobotState, Vector
@@ -67,7 +68,9 @@ class Witness:
         is_trusted: The last answer that could be compared was found in the feed. Else a contradiction proves nothing
             new.
         agreed_at: When the newest answer that was found in the feed was asked for, s: the feed has shown that moment.
-        asked_at: When the newest question was put, s.
+        rested_at: When the newest question was put, s, whose answer was found in the feed and shows the arm where the
+            answers of ``REST_TIME_S`` before it have shown it. A feed that is a little old, and shows the rest before a
+            motion, contains an answer from the first ``NEAR`` of that motion, too; this one it does not.
         dispute: Why no frame is believed, in words; "" where they are.
     """
 
@@ -81,7 +84,6 @@ class Witness:
         self._longest_age = max(_LEAST_AGE_S, _AGE_SHARE * silence_timeout)
         self._most_age = _MOST_AGE_SHARE * silence_timeout
         self.is_trusted = False
-        self.asked_at = 0.0
         self.dispute = ""
         self._was_right = False
         self._generation = 0
@@ -100,6 +102,8 @@ class Witness:
         self._tries = _TRIES
         self._newest: Optional[RobotState] = None
         self._knows_drives = False
+        self._rests_since: Optional[_Answer] = None
+        self._answered_at = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -109,7 +113,7 @@ class Witness:
         self._frames: Deque[RobotState] = deque(maxlen=_LONGEST_HISTORY)
         self._open: List[_Answer] = []
         self._began_at = None
-        self.agreed_at = 0.0
+        self._asked_at = self.agreed_at = self.rested_at = 0.0
         self._drives_off_since: Optional[float] = None
         self._answers: Deque[Vector] = deque(maxlen=_KEPT_ANSWERS)
         self._is_telling = self._was_moving = False
@@ -124,10 +128,17 @@ class Witness:
         """True while an answer has not been found in the feed."""
         return bool(self._open)
 
-    @property
-    def wants_to_ask(self) -> bool:
-        """True where the feed is disputed, and no open question could settle it."""
-        return bool(self.dispute) and not self._asked and not self._open and bool(self._frames)
+    def wants_to_ask(self, rest_after: float, now: float) -> bool:
+        """Return whether a question is due: where the feed is disputed, and no open one could settle it, or for rest.
+
+        rest_after: Somebody waits for evidence that the arm has rested at this moment, s.
+        """
+        if self.dispute:
+            return not self._asked and not self._open and bool(self._frames)
+        if not self.is_trusted or 0.0 < self.rested_at >= rest_after:
+            return False
+        first = self._rests_since
+        return self._asked_at < rest_after or (first is not None and self._asked_at < first.at + REST_TIME_S <= now)
 
     def distrust(self, why: str, counts_from: float) -> None:
         """Dispute the feed: what it showed before this moment, s, proves nothing."""
@@ -147,7 +158,7 @@ class Witness:
         """Send the questions, where the command port is open and the feed has shown something."""
         if self._newest is None:
             return
-        self.asked_at = now
+        self._asked_at = now
         if Query.DRIVES_READY not in self._refused:
             self._channel.request(Query.DRIVES_READY, now, self._drives_answered)
         if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:
@@ -210,6 +221,11 @@ class Witness:
             return
         self._misread[Query.JOINTS] = 0
         joints: Vector = result
+        rests_since = self._rests_since
+        if rests_since is None or now - self._answered_at > LONGEST_GAP_S or not _is_near(
+                rests_since.joints, joints, MOVEMENT):
+            self._rests_since = _Answer(joints, now, asked_at)
+        self._answered_at = now
         self._is_telling = len(self._answers) == _KEPT_ANSWERS and not any(
             _is_near(earlier, joints, 4.0 * NEAR) for earlier in self._answers)
         self._answers.append(joints)
@@ -226,6 +242,8 @@ class Witness:
     def _confirmed(self, asked_at: float, now: float) -> None:
         self.is_trusted = self._was_right = True
         self.agreed_at = asked_at
+        if self._rests_since is not None and asked_at - self._rests_since.at >= REST_TIME_S:
+            self.rested_at = asked_at
         self._was_moving = self._was_moving or self._is_telling
         self.settle()
 

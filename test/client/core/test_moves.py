@@ -243,7 +243,7 @@ def test_a_refused_move_leaves_the_arm_free_once_it_is_seen_at_rest():
     assert isinstance(story.error("move"), CommandRejected) and story.told == [True]
     story.run(0.05)
     assert story.told == [True] and not story.core.is_free
-    story.run(0.1)
+    story.run(0.15)
     assert story.told == [True, False] and story.count("stop_program") == 0
 
 
@@ -432,4 +432,4 @@ def test_rest_from_before_a_move_does_not_count_for_its_pause():
     story.perform()
     story.run(0.016, move=TARGET[0], speed=0.002, paused=True, **MOVING)
     assert story.error("pause") == "pending", "the arm has moved less than 0.1 mrad, and has not been seen at rest"
-    assert "paused" in story.run(0.1, paused=True, **MOVING).answers["pause"][1]
+    assert "paused" in story.run(0.15, paused=True, **MOVING).answers["pause"][1]

@@ -124,6 +124,16 @@ def test_late_cycles_are_left_out_and_never_caught_up():
     assert story.now < story.core.next_deadline() <= story.now + PERIOD
 
 
+@pytest.mark.parametrize("held_up, goes_on", [(0.4, True), (0.6, False)])
+def test_a_driver_that_stood_still_for_longer_than_state_is_believed_sends_no_frame_but_a_stop(held_up, goes_on):
+    story = streaming().run(0.1)
+    del story.sent[:]
+    story.now += held_up
+    story.core.tick(story.now)
+    story.perform()
+    assert bool(frames(story)) is goes_on and (story.count("stop_program") == 0) is goes_on
+
+
 def test_a_silent_client_leaves_servo_mode_and_the_arm_held():
     story = streaming(servo_timeout=0.5).run(0.25)
     assert without_stop(story) and story.servo_mode

@@ -194,6 +194,7 @@ def test_servo_targets_are_followed_every_cycle_and_held_between_them():
 
 def test_pose_targets_are_followed():
     arm = simulated()
+    arm.run(0.4)  # until the controller, asked twice, has said that it rests
     start = arm.core.fresh_state(arm.now)
     assert in_servo_mode(arm) is None
     goal = (start.tcp_position[0] - 0.02,) + start.tcp_position[1:]

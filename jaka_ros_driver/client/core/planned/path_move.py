@@ -122,7 +122,7 @@ class PathMove(ArmMotion):
 
     def observe_stop(self, state: RobotState) -> None:
         """Follow the arm until it rests: what moves it after that is not this path."""
-        self._has_rested = self._has_rested or self._custody.stillness.duration() >= self.rest_time
+        self._has_rested = self._has_rested or self._custody.stillness.elapsed() >= self.rest_time
         if not self._has_rested:
             self._follow(state)
 
