@@ -140,7 +140,7 @@ def test_garbage_is_answered_at_once_and_the_next_request_is_served(client, garb
 def test_a_megabyte_without_an_end_is_refused_and_not_kept(arm, client):
     client.send(b'{"cmdName":"' + b"x" * (1 << 20))
     assert client.reply()["errorCode"] == "1"
-    while not client.is_silent(0.3):  # behind a pause of 0.1 s, as a busy host makes one, the rest is an error of its own
+    while not client.is_silent(0.3):  # behind a pause of 0.1 s, as on a busy host, the rest is an error of its own
         assert client.reply()["errorCode"] == "1"
     assert client.ask("get_version")["errorCode"] == "0"
     assert arm.panel("wire")["wire"]["connections"][0]["unsent_bytes"] == 0
