@@ -44,7 +44,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "return max(0.0, self._last - since - uncounted)", "return max(0.0, self._last - since)",
            ("test/client/core/test_stillness.py",)),
     Mutant("rest is assumed across a gap", "client/core/stillness.py",
-           "if anchor is None or now - self._last > _LONGEST_GAP_S:", "if anchor is None:", CUSTODY),
+           "if anchor is None or now - self._last > LONGEST_GAP_S:", "if anchor is None:", CUSTODY),
     Mutant("rest is assumed out of sight", "client/core/stillness.py",
            "        self._anchor = None\n\n    @property", "        pass\n\n    @property", CUSTODY),
     Mutant("what piled up is shown as new", "client/core/feed.py",
