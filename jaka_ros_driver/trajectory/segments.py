@@ -160,8 +160,14 @@ class SegmentPath:
         return sum(1 for end in self.ends if end <= time + 1e-9)
 
     def distance(self, time: float, state: RobotState, turned: Optional[Matrix]) -> float:
-        """Return the distance of the arm from the place of this time, m."""
-        number = min(self.completed(time), len(self.segments) - 1)
+        """Return the distance of the arm from the place of this time, m; a corner is the begin of what follows it."""
+        return self.distance_within(min(self.completed(time), len(self.segments) - 1), time, state, turned)
+
+    def distance_within(self, number: int, time: float, state: RobotState, turned: Optional[Matrix]) -> float:
+        """Return the distance of the arm from the place of a time within this segment, its end included, m.
+
+        A joint motion measures it in joints and the others by the tool: at a corner between two the numbers differ.
+        """
         segment = self.segments[number]
         begin = self.ends[number] - segment.duration
         share = 1.0 if segment.duration <= 0.0 else min(1.0, (time - begin) / segment.duration)
@@ -214,10 +220,11 @@ class PathTracker:
     def _nearest(self, low: float, high: float, state: RobotState, turned: Optional[Matrix]) -> Tuple[float, float]:
         """Return the nearest place between these times of one segment, as a time, and its distance, m."""
         first, last, found = low, high, (low, math.inf)
+        number = min(self._path.completed(low), len(self._path.segments) - 1)
         for _ in range(_ROUNDS):
             step = 0.25 * (last - first)
             for time in [first + n * step for n in range(4)] + [last]:
-                away = self._path.distance(min(time, high), state, turned)
+                away = self._path.distance_within(number, min(time, high), state, turned)
                 if away < found[1]:
                     found = min(time, high), away
             first, last = max(low, found[0] - step), min(high, found[0] + step)

@@ -337,6 +337,31 @@ KEPT: Dict[str, Scenario] = {
                                    servo_timeout=10.0, link_loss_stop=0.3, power_timeout=3.0, enable_timeout=3.0),
         firmware="1.5.14", start="off", dialect={"second_client": "refused"}, latency=(0.0001, 0.001), lateness=0.0,
         auto_enable=True, has_guard=False, seed=70002070),
+    "a move that was ended by a stop was completed while the arm began it late": _scenario(
+        (0.2274, "servo_burst", {"count": 40, "within": 0.02, "step": 0.005, "axis": 3, "relative": True,
+                                 "caller": 0}),
+        (0.8315, "linear_move", _linear_move((-0.1085, -0.1221, -0.0729), (-0.0938, 0.0, -0.0945), 0.0391, False,
+                                             caller=1)),
+        (1.0746, "joint_move", dict(_joint_move(2, 0.4, 2.0, False, caller=1), acceleration=12.0)),
+        (1.3083, "hit", {"force": 150.0}), (2.2388, "procedure", {"name": "recover", "value": None, "caller": 3}),
+        (2.3121, "late_start", {"delay": 1.5, "duration": 2.9298}),
+        (2.4133, "velocity_jog", {"caller": 3, "frame": 0, "axis": 4, "speed": 0.0219, "rate": 20.0, "duration": 1.5,
+                                  "end": "nonsense", "says_rest": True}),
+        (3.6456, "stop", {"caller": 1}), (3.8592, "joint_move", _joint_move(4, 0.005, 0.05, True, caller=1)),
+        length=15.0, settings=dict(_SETTINGS, feed_period=0.008, motion_timeout=4.0, link_loss_stop=0.3),
+        dialect={"servo_leave_delay": 0.053, "missing_commands": ["set_network_exception_handle"]},
+        firmware="1.5.14", start="enabled", latency=(0.0001, 0.001), lateness=0.0, has_turns=True, has_guard=True,
+        seed=90000409),
+    "a path whose arm came into sight before a corner had passed that corner": _scenario(
+        (3.7562, "path", {"segments": (
+            ("joint", (-0.0477, 0.0068, -0.0143, 0.0016, 0.0433, -0.0175)),
+            ("joint", (-0.0176, 0.0026, -0.0363, 0.0075, -0.0881, 0.0917)),
+            ("arc", (-0.034, -0.0331, 0.0215, 0.0101, -0.0601, -0.0089))),
+            "radius": 0.0, "speed": 0.063, "then": "", "then_after": 0.01, "caller": 0}),
+        (4.1711, "feed_drops", {"fields": ("joint_actual_position",), "duration": 1.2725}),
+        settings=dict(_SETTINGS, reply_timeout=0.9, motion_timeout=300.0, link_loss_stop=0.0),
+        dialect={"shortest_feed_period": 0.1}, firmware="1.7.1", start="enabled", latency=(0.0001, 0.0005),
+        lateness=0.0002, has_turns=True, has_guard=True, seed=90000816),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

@@ -1,7 +1,7 @@
 """The progress of an arm on a path of segments: what it can have reached since it was seen last, and no more."""
 import pytest
 
-from jaka_ros_driver.commands import JointMove, Pose
+from jaka_ros_driver.commands import JointMove, LinearMove, Pose
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.segments import PathPlace, PathTracker, SegmentPath
 
@@ -42,3 +42,14 @@ def test_an_arm_that_is_seen_on_its_way_back_has_ended_the_first_segment(tracker
     for step in range(1, 31):
         seen(tracker, min(0.1 * step, 4.0 - 0.1 * step) * SPEED, 10.0 + 0.1 * step)
     assert tracker.time == pytest.approx(3.0, abs=0.01) and tracker.completed == 1
+
+
+def test_an_arm_that_comes_into_sight_before_a_corner_is_not_behind_it():
+    # The tool is 3 mm from the begin of the line, the joints are 0.05 rad from it: two measures of the same place.
+    begin, corner, end = (PathPlace(joints(q), Pose((x, 0.1, 0.3), (0.0, 0.0, 0.0)))
+                          for q, x in ((0.0, 0.4), (0.5, 0.43), (0.6, 0.63)))
+    commands = [JointMove(joints(0.5), SPEED, 1.0), LinearMove(end.tool, 0.1, 1.0, 0.0)]
+    tracker = PathTracker(SegmentPath(commands, [begin, corner, end]), 10.0)
+    tracker.observe(RobotState(joints(0.45), True, True, False, False, False, received_at=12.5,
+                               tcp_position=(0.427, 0.1, 0.3), tcp_rpy=(0.0, 0.0, 0.0)))
+    assert tracker.time == pytest.approx(0.9, abs=0.01) and tracker.completed == 0

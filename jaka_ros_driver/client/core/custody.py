@@ -290,9 +290,11 @@ class Custody:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
             if now - self._began_at >= _ANSWER_AFTER_S and not self._is_answered:
-                if not self._waits_for_rest:
+                if self._accepted_at is None:
                     self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again "
                                                       "and again (%s)" % (self._outcome or "at the end"))
+                elif self._outcome is None:
+                    self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the arm is not seen at rest at its end")
                 self._answer_end()
 
     def prepare(self) -> None:
@@ -312,7 +314,7 @@ class Custody:
         if self._phase in (Phase.HELD, Phase.SETTLING):
             self._began_at = now
         if self._enter(Event.LINK_LOST) and not self._is_answered:
-            if not self._waits_for_rest:
+            if not self._waits_for_rest or self._outcome is None:
                 self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
             self._answer_end()
 
@@ -403,8 +405,12 @@ class Custody:
 
     @property
     def _waits_for_rest(self) -> bool:
-        """True where the stop is accepted, and its callers are answered only where the arm has come to rest."""
-        return self._accepted_at is not None and self.motion is not None and self.motion.is_answered_at_rest
+        """True where the stop is accepted, and its callers are answered only where the arm has come to rest.
+
+        A motion that was completed is one: what begins late may begin in that very moment.
+        """
+        return self._accepted_at is not None and self.motion is not None and (
+            self._outcome is None or self.motion.is_answered_at_rest)
 
     def _log(self, level: int, text: str, now: float) -> None:
         """Log a text, but not the same trouble at every repetition."""

@@ -65,7 +65,9 @@ def test_the_controller_watches_its_client_while_the_arm_moves_and_then_no_more(
 def test_a_move_to_where_the_arm_is_is_completed_at_rest_by_a_stop_for_it_may_begin_later():
     story = begun(HOME).run(0.05)
     assert story.error("move") == "pending", "rest before the acceptance is no evidence"
-    story.run(0.15)
+    story.run(0.12)
+    assert story.error("move") == "pending" and story.count("stop_program") == 1, "it may begin in that very moment"
+    story.run(0.12)
     assert story.error("move") is None and story.count("stop_program") == 1
 
 
