@@ -362,6 +362,17 @@ KEPT: Dict[str, Scenario] = {
         settings=dict(_SETTINGS, reply_timeout=0.9, motion_timeout=300.0, link_loss_stop=0.0),
         dialect={"shortest_feed_period": 0.1}, firmware="1.7.1", start="enabled", latency=(0.0001, 0.0005),
         lateness=0.0002, has_turns=True, has_guard=True, seed=90000816),
+    "a move to where the arm was seemed under way while the feed repeated an earlier motion": _scenario(
+        (1.8832, "path", {"segments": (
+            ("line", (0.0179, -0.0074, 0.0072, 0.0027, -0.0173, 0.0159)),
+            ("line", (0.006, -0.0143, -0.0205, 0.0023, -0.0202, 0.0209)),
+            ("line", (-0.075, -0.0008, -0.0055, 0.0016, -0.0396, 0.061))),
+            "radius": 0.01, "speed": 0.1095, "then": "", "then_after": 0.01, "caller": 0}),
+        (4.0811, "joint_move", dict(_joint_move(4, -1e-05, 1.094, True), acceleration=8.376)),
+        (4.4092, "feed_repeats", {"frames": 10, "age": 2.0}),
+        length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, link_loss_stop=0.3),
+        dialect={"inpos": "never", "shortest_feed_period": 0.084}, firmware="1.5.14", start="enabled",
+        latency=(0.0005, 0.005), lateness=0.0002, has_turns=True, has_guard=True, ends="close", seed=90001404),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

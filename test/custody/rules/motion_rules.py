@@ -46,6 +46,7 @@ class MotionRules:
         self._is_paused = False
         self._frame: Optional[Frame] = None
         self._shown_at = -1e9
+        self._lied_at = -1e9
         self._excused_until = -1e9
 
     # ---- what happens ----
@@ -68,7 +69,7 @@ class MotionRules:
                 for due, _ in self._due.values():
                     self._verdicts.uses("REACTION", now - due + self._reaction)
                 if self._has_yet_to_begin():
-                    due = max(self._accepted_at + START_WINDOW, self._excused_until)
+                    due = max(self._accepted_at + START_WINDOW, self._lied_at + START_WINDOW, self._excused_until)
                     self._verdicts.uses("START_SLACK", now - due)
             self.ended()
         elif is_motion(request) and not self._kind:
@@ -108,6 +109,8 @@ class MotionRules:
         """Note a frame before the driver takes it: joints that jump in a feed that is believed stop a motion."""
         is_repeated = self._frame is not None and self._frame.jumps
         self._frame = frame
+        if frame.is_old:  # it may show the arm under way that has yet to begin; from then on its rest is waited for
+            self._lied_at = now
         is_accepted = self._accepted_at is not None and now > self._accepted_at
         if (frame.jumps and not is_repeated and self._is_under_way and is_accepted
                 and now - self._shown_at < _BELIEVED_S):
@@ -157,7 +160,7 @@ class MotionRules:
         joints = self._room.controller.state.plant.joint_position
         if max([abs(a - b) for a, b in zip(joints, self._start)]) > _BEGUN:
             self._has_begun = True
-        elif now > max(self._accepted_at + START_WINDOW, excused_until) + START_SLACK:
+        elif now > max(self._accepted_at + START_WINDOW, self._lied_at + START_WINDOW, excused_until) + START_SLACK:
             self._has_begun = True
             self._verdicts.breaks("", "late", now, "%s was accepted %.3f s ago, the arm has not begun to move, and no "
                                   "stop was sent" % (self._kind, now - self._accepted_at))
