@@ -392,7 +392,7 @@ class Judge:
             self._loose_since, self._why_loose = now, ""
             return
         self._why_loose = self._why_loose or self._room.feed.blindness() or (
-            "program on a slow link" if self._network.is_slow(Port.STATUS, False) else "")
+            "program on a slow link" if now < self._old_until or self._network.is_slow(Port.STATUS, False) else "")
         if (program is not ProgramState.RUNNING or not driver.core.is_free or driver.is_paused or driver.is_gone
                 or self._room.is_off):
             self._loose_since = now
