@@ -383,16 +383,14 @@ class Judge:
             self._unowned_since = self._untold_from = None
 
     def _program(self, now: float) -> None:
-        """Judge that a program of the driver runs in its custody.
-
-        Excepted: what ``_unowned`` excepts, and a driver that cannot see or stop it yet.
-        """
+        """Judge that a program runs in custody, but for what ``_unowned`` excepts and a driver that cannot see it yet."""
         program, driver = self._room.controller.state.program_state, self.driver
         if program is ProgramState.IDLE or self._room.player is not DRIVER:
             self._loose_since, self._why_loose = now, ""
             return
-        self._why_loose = self._why_loose or self._room.feed.blindness() or (
-            "program on a slow link" if now < self._old_until or self._network.is_slow(Port.STATUS, False) else "")
+        if now < self._old_until or self._network.is_slow(Port.STATUS, False):
+            self._why_loose = "program on a slow link"
+        self._why_loose = self._why_loose or self._room.feed.blindness()
         if (program is not ProgramState.RUNNING or not driver.core.is_free or driver.is_paused or driver.is_gone
                 or self._room.is_off):
             self._loose_since = now

@@ -46,6 +46,7 @@ class ProgramMotion(ArmMotion):
         self._accepted_at: Optional[float] = None
         self._is_seen = False
         self._over_since: Optional[float] = None
+        self._ran_at = -_NEVER
 
     def begin(self, now: float) -> None:
         self._custody.channel.request(self._command, now, self._replied)
@@ -67,7 +68,13 @@ class ProgramMotion(ArmMotion):
         if now >= self.deadline:
             self._custody.stop(MotionInterrupted(StopCause.TIMEOUT, _NOT_SEEN_RUNNING), now)
 
+    def observe_stop(self, state: RobotState) -> None:
+        if state.program_state == ProgramState.RUNNING:
+            self._ran_at = state.received_at
+
     def may_be_left(self, state: RobotState) -> bool:
+        if state.received_at - self._ran_at < _OVER_TIME_S:  # one frame that shows none may be an old one
+            return False
         if state.program_state == ProgramState.PAUSED:  # one that was not to be resumed is still paused
             return isinstance(self._command, ResumeMotion)
         return state.program_state in (None, ProgramState.IDLE)
