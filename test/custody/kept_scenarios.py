@@ -373,6 +373,13 @@ KEPT: Dict[str, Scenario] = {
         length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, link_loss_stop=0.3),
         dialect={"inpos": "never", "shortest_feed_period": 0.084}, firmware="1.5.14", start="enabled",
         latency=(0.0005, 0.005), lateness=0.0002, has_turns=True, has_guard=True, ends="close", seed=90001404),
+    "a move was completed though the arm was guided away before its stop had come to rest": _scenario(
+        (11.9111, "joint_move", _joint_move(1, 1e-05, 0.05, True)),
+        (12.3955, "guide_at_arm", {"joint": 4, "velocity": 0.2, "duration": 2.0}),
+        (12.5579, "emergency_stop", {"held": 0.8855}),
+        length=40.0, settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.9, link_loss_stop=0.3),
+        dialect={"inpos": "never"}, firmware="1.7.2", start="enabled", latency=(0.0005, 0.005), lateness=0.0,
+        has_guard=False, ends="close", seed=3735436829),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

@@ -243,6 +243,10 @@ class Custody:
             self._look_for_the_cause(state, now)
         if self._phase is Phase.STOPPING:
             motion.observe_stop(state)
+        if self._phase is Phase.STOPPING and self._outcome is None and self.stillness.has_moved_since(self._began_at):
+            self._outcome = MotionInterrupted(StopCause.STOPPED, "the arm moved when it was taken to be at the end")
+            if self._accepted_at is not None and not self._waits_for_rest:
+                self._answer_end()
         if self._phase is Phase.STOPPING and self._accepted_at is not None:
             coasts_until = self._sent_at + max(_COASTING_TIME_S, motion.rest_time)
             goes_on = now >= coasts_until and motion.goes_on(state)

@@ -71,6 +71,13 @@ def test_a_move_to_where_the_arm_is_is_completed_at_rest_by_a_stop_for_it_may_be
     assert story.error("move") is None and story.count("stop_program") == 1
 
 
+def test_a_move_to_where_the_arm_is_that_moves_when_it_is_ended_is_not_completed():
+    story = begun(HOME).run(0.17)
+    assert story.error("move") == "pending" and story.count("stop_program") == 1
+    story.run(0.1, move=0.02, **MOVING)
+    assert "the arm moved" in str(story.run(0.3).error("move"))
+
+
 @pytest.mark.parametrize("away", [0.009, 0.005, 0.001])
 def test_a_short_move_is_not_completed_before_it_has_begun(away):
     story = begun((away,) + HOME[1:]).run(0.5)

@@ -383,7 +383,7 @@ class Judge:
             self._unowned_since = self._untold_from = None
 
     def _program(self, now: float) -> None:
-        """Judge that a program runs in custody, but for what ``_unowned`` excepts and a driver that cannot see it yet."""
+        """Judge that a program runs in custody, but for what ``_unowned`` excepts and what cannot be seen yet."""
         program, driver = self._room.controller.state.program_state, self.driver
         if program is ProgramState.IDLE or self._room.player is not DRIVER:
             self._loose_since, self._why_loose = now, ""
