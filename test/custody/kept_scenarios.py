@@ -382,6 +382,31 @@ KEPT: Dict[str, Scenario] = {
         has_guard=False, ends="close", seed=3735436829),
 }
 AWAITED: Dict[str, Scenario] = {
+    "pause on a slow link": _scenario(
+        (19.8492, "slow_link", {"port": "both", "carries": 0.85, "duration": 3.8488}),
+        (20.8625, "path", {"segments": (
+            ("line", (-0.0023, 0.0698, 0.0349, 0.0274, 0.0016, 0.0216)),
+            ("line", (0.0722, 0.0145, -0.0098, -0.0038, 0.0909, -0.0596)),
+            ("line", (0.0065, 0.0319, -0.025, 0.0137, 0.0294, -0.0014))),
+            "radius": 0.002, "speed": 0.0433, "then": "", "then_after": 0.3604, "caller": 1}),
+        (22.167, "servo_session", {"is_pose": False, "relative": True, "rate": 1.0, "duration": 0.2, "speed": 0.0229,
+                                   "form": "turn back", "axis": 0, "burst": False, "leaves": False, "pause": 0.05,
+                                   "caller": 0}),
+        (22.739, "feed_repeats", {"frames": 10, "age": 0.1}),
+        (23.9549, "feed_shows", {"what": {"errcode": "0xf0034"}, "frames": 1}),
+        (24.0297, "servo_session", {"is_pose": True, "relative": True, "rate": 250.0, "duration": 3.0, "speed": 0.017,
+                                    "form": "ramp", "axis": 0, "burst": True, "leaves": False, "pause": 0.05,
+                                    "caller": 1}),
+        (24.2538, "slow_link", {"port": "COMMAND", "carries": 0.5, "duration": 5.829}),
+        (24.9902, "trajectory", {"ways": ((-0.0945, 0.1315, 0.0235, -0.0358, -0.0031, 0.1407),), "apart": 0.3,
+                                 "first_at": 0.0, "form": "flowing", "delay": 0.3, "build_time": 0.0, "lead": 0.016,
+                                 "then": "pause", "then_after": 0.0, "caller": 1}),
+        length=25.0, settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.4, jog_timeout=3.0, link_loss_stop=0.0,
+                                   power_timeout=3.0, enable_timeout=30.0),
+        dialect={"power_delay": 0.5, "power_reply_delay": 1.942, "start_delay": 13.195, "starvation": "repeat",
+                 "second_client": "refused", "unknown_reply_fields": True},
+        firmware="1.5.14", start="off", latency=(0.0001, 0.0005), lateness=0.0, auto_enable=True, has_guard=False,
+        ends="close", seed=56998513),
     "program on a slow link": _scenario(
         (1.0, "slow_link", {"port": "STATUS", "carries": 0.5, "duration": 20.0}),
         (5.0, "program", {"caller": 0, "steps": (("play", 0.0), ("stop", 0.4))}), (5.4, "stop", {"caller": 9}),

@@ -51,6 +51,8 @@ class RuleBroken(Exception):
 
 AWAITED: Dict[str, str] = {
     "program on a slow link": "frames from before a program count as evidence of none; joints at rest show no age",
+    "pause on a slow link": "servo frames from before a pause wait in a link that carries half of them, and move the "
+                            "arm by some mrad when it has been seen at rest",
 }
 """Checks that the product does not pass yet, by their names, with the reason. Their breaks are noted and end no seed.
 
