@@ -18,7 +18,7 @@ def test_it_is_there_soon_and_its_token_is_not_in_the_address(browser, panel, op
     for _ in range(2):
         page = browser.open()
         since = time.monotonic()
-        page.call("Page.navigate", url=panel.url)
+        page.go_without_waiting(panel.url)
         page.until("document.querySelector('#joints td.number')?.textContent === '0.00'")
         took.append(time.monotonic() - since)
         assert "token" not in page.evaluate("location.href") and "127.0.0.1" in page.evaluate("location.href")
@@ -133,7 +133,7 @@ def test_the_language_and_the_colours_can_be_changed_while_it_runs(panel, open_p
     page.until_text("[data-state=power]", "驱动电源")
     page.click("#theme")
     page.until("document.documentElement.dataset.theme === 'dark'")
-    page.call("Page.reload")
+    page.load_again()
     page.until_text("#stop", "停止")
     page.until("document.documentElement.dataset.theme === 'dark'")
     page.until("!document.body.classList.contains('stale')")

@@ -35,8 +35,8 @@ def refusal(simulator, environment=None, **parameters):
     """Return the words of a driver that does not start."""
     with DriverProcess("refused", environment, **on(simulator), **parameters) as driver:
         code, said = driver.wait()
-    rospy.delete_param("/refused")  # the master keeps what this one was given
     assert code == 1 and "Traceback" not in said, said
+    rospy.delete_param("/refused")  # the master keeps what this one was given
     return said
 
 

@@ -105,13 +105,17 @@ def streamed_as_poses(live, told):
 def stalled(live, told):
     """Stop the driver for a while in the middle of a fast stream.
 
-    Tried again where a busy host kept the next target from the driver just before: it holds the arm then, and a
-    controller that repeats the last step repeats none.
+    Tried again where a busy host kept the next target from the driver: just before, it holds the arm, and a controller
+    that repeats the last step repeats none; for long, it leaves servo mode, and the stream is refused.
     """
     for _ in range(5):
         enter(live)
         streaming = InBackground(stream, live.arm, FAST)
-        assert eventually(lambda: live.simulator.state()["joint_position"][0] > 10.0)
+        assert eventually(lambda streaming=streaming: streaming.is_over
+                          or live.simulator.state()["joint_position"][0] > 10.0)
+        if streaming.is_over:
+            live.arm.call("servo_move_enable", enable=False)
+            continue
         told.frozen = live.send(signal.SIGSTOP)
         joint = live.simulator.state()["joint_position"][0]
         time.sleep(STALL)  # so long the driver gets no time
@@ -122,6 +126,7 @@ def stalled(live, told):
         if ran_away:
             return
         live.arm.call("servo_move_enable", enable=False)
+    raise AssertionError("the arm never ran away: %s" % streaming.result)
 
 
 def first_joint(session, since, until):

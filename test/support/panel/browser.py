@@ -27,6 +27,11 @@ KEYS = {"Enter": ("Enter", 13, "\r"), " ": ("Space", 32, " "), "Escape": ("Escap
         "ArrowRight": ("ArrowRight", 39, "")}
 
 
+GONE = ("Inspected target navigated or closed", "Execution context was destroyed.",
+        "Cannot find context with specified id")
+"""What Chromium says of a document that gives way to the next one while an expression is evaluated."""
+
+
 class BrowserError(Exception):
     """A request that the browser refused, or a page's script that failed."""
 
@@ -209,9 +214,23 @@ class Page:
                   mobile=False)
 
     def go(self, url: str) -> None:
+        self.go_without_waiting(url)
+        self._until_it_stands("%s loads" % url)
+
+    def go_without_waiting(self, url: str) -> None:
+        """Open a document; its page may not have begun to load when this returns."""
         answer = self.call("Page.navigate", url=url)
         assert not answer.get("errorText"), "%s: %s" % (url, answer["errorText"])
-        self.until("document.readyState === 'complete' && location.href !== 'about:blank'", "%s loads" % url)
+
+    def load_again(self) -> None:
+        """Load the page again, and wait until the new document stands in place of the old one."""
+        self.evaluate("window.isTheOldDocument = true")
+        self.call("Page.reload")
+        self._until_it_stands("the page loads again")
+
+    def _until_it_stands(self, what: str) -> None:
+        self.until("!window.isTheOldDocument && document.readyState === 'complete' && location.href !== 'about:blank'",
+                   what)
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of an expression; a promise is awaited."""
@@ -225,7 +244,12 @@ class Page:
         """Wait until an expression is true; return its value."""
         deadline = time.monotonic() + timeout
         while True:
-            value = self.evaluate(expression)
+            try:
+                value = self.evaluate(expression)
+            except BrowserError as error:
+                if str(error) not in GONE:
+                    raise
+                value = None
             if value:
                 return value
             assert time.monotonic() < deadline, "%s\n%s\n%s" % (what or expression, self.complaints,

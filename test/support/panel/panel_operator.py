@@ -189,7 +189,7 @@ def crash(operator, held):
 
 
 def load_again(operator, held):
-    operator.page.call("Page.reload")
+    operator.page.load_again()
     eventually(operator._rests, WAIT)
     operator.page.until("document.querySelector('#control-button')?.checkVisibility()")
     operator.page.click("#control-button")
