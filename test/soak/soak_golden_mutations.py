@@ -191,20 +191,22 @@ def distance(one: Dict[str, Any], other: Dict[str, Any], place: Place) -> float:
 
 
 def excuse_of(golden: Golden, number: int, place: Place, new: Dict[str, Any]) -> str:
-    """Return the tolerance that excuses a message: the path has its values within the time by which a sample may be
-    off, or a stop may have left the arm there."""
+    """Return what excuses a message: it is the first or last of its topic, which a lag leaves out; the path has its
+    values within the time by which a sample may be off; or stops, each by the way of ``cut_ms``, may have left the arm
+    there."""
     topic = golden.log.items[number].topic
     limit = limit_of(golden, topic, place)
-    if min(distance(golden.values[i], new, place) for i in golden.around(number, JITTER_S)) <= limit:
+    numbers = golden.places[topic]
+    if number in (numbers[0], numbers[-1]):
+        return "outside the golden times"
+    off = min(distance(golden.values[i], new, place) for i in golden.around(number, JITTER_S))
+    if off <= limit:
         return "timing.jitter_ms"
     now = golden.log.seconds(golden.log.items[number])
-    if any(at - CUT_S <= now <= until + CUT_S for at, until in golden.cuts):
-        numbers = golden.places[topic]
-        window = int(CUT_S * len(numbers) / golden.log.duration) + 1
-        moved = max(distance(golden.values[i], golden.values[j], place) for i, j in zip(numbers, numbers[window:]))
-        if distance(golden.values[number], new, place) <= limit + moved:
-            return "timing.cut_ms"
-    return ""
+    stops = sum(at - CUT_S <= now <= until + CUT_S for at, until in golden.cuts)
+    window = int(CUT_S * len(numbers) / golden.log.duration) + 1
+    moved = max(distance(golden.values[i], golden.values[j], place) for i, j in zip(numbers, numbers[window:]))
+    return "timing.cut_ms" if stops and off <= limit + stops * moved else ""
 
 
 def drop(golden: Golden, dice: random.Random, items: List[Item]) -> Optional[Tuple[str, str]]:

@@ -29,7 +29,7 @@ KEYS = {"Enter": ("Enter", 13, "\r"), " ": ("Space", 32, " "), "Escape": ("Escap
 
 GONE = ("Inspected target navigated or closed", "Execution context was destroyed.",
         "Cannot find context with specified id")
-"""What Chromium says of a document that gives way to the next one while an expression is evaluated."""
+"""Errors in which Chromium tells of a document that gives way to the next one while an expression is evaluated."""
 
 
 class BrowserError(Exception):
