@@ -131,4 +131,5 @@ def test_what_is_published_as_new_is_not_old_however_slow_the_link(bench, share,
     assert len(shown) > 0.5 * share * LENGTH / 0.008
     assert max(true.angles) - min(true.angles) > 0.3
     print("share %.2f, idle %.2f: oldest %.2f s of %d" % (share, throttle.idle / throttle.turns, max(ages), len(ages)))
-    assert "old news" in caplog.text or throttle.idle > 0.1 * throttle.turns  # a busy machine makes fewer frames, too
+    # a busy machine makes fewer frames, which the link carries
+    assert "old news" in caplog.text or max(ages) < 0.5 * LONGEST_AGE or throttle.idle > 0.1 * throttle.turns
