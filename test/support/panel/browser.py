@@ -252,8 +252,9 @@ class Page:
                 value = None
             if value:
                 return value
-            assert time.monotonic() < deadline, "%s\n%s\n%s" % (what or expression, self.complaints,
-                                                                self.text("#toasts"))
+            assert time.monotonic() < deadline, "%s\n%s\n%s\n%s" % (
+                what or expression, self.complaints, self.text("#toasts"),
+                self.evaluate("JSON.stringify([document.body.dataset, document.body.className])"))
             time.sleep(0.02)
 
     def text(self, selector: str) -> str:
