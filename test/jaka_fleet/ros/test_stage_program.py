@@ -43,9 +43,9 @@ def test_a_stage_ends_with_its_worker_also_where_that_withholds_interrupts(tmp_p
     job_file.write_text(json.dumps(job), encoding="utf-8")
     stage = Program("stage", [*STAGE, str(job_file)], tmp_path)
     try:
-        wait_until(lambda: (folder / "driver0.log").exists(), "the last of its programs begins")
+        wait_until(lambda: (folder / "driver0.log").exists() and len(children(stage.process.pid)) >= 4,
+                   "master, simulated controller, recorder and driver have begun")
         programs = children(stage.process.pid)
-        assert len(programs) >= 4  # master, simulated controller, recorder, driver
         stage.process.stdin.close()
         assert stage.process.wait(30.0) == 1
         wait_until(lambda: not any(map(is_running, programs)), "its programs have ended")
