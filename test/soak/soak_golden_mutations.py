@@ -204,9 +204,11 @@ def excuse_of(golden: Golden, number: int, place: Place, new: Dict[str, Any]) ->
         return "timing.jitter_ms"
     now = golden.log.seconds(golden.log.items[number])
     stops = sum(at - CUT_S <= now <= until + CUT_S for at, until in golden.cuts)
+    if not stops:
+        return ""
     window = int(CUT_S * len(numbers) / golden.log.duration) + 1
     moved = max(distance(golden.values[i], golden.values[j], place) for i, j in zip(numbers, numbers[window:]))
-    return "timing.cut_ms" if stops and off <= limit + stops * moved else ""
+    return "timing.cut_ms" if off <= limit + stops * moved else ""
 
 
 def drop(golden: Golden, dice: random.Random, items: List[Item]) -> Optional[Tuple[str, str]]:
