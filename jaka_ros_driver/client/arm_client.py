@@ -27,7 +27,7 @@ from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, T
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 _LOG = logging.getLogger(__name__)
@@ -45,6 +45,7 @@ _JOIN_LEAD_S = 0.016
 _BUILD_TIME_S = 5e-6
 """Lead, s, for each point of a new trajectory, beside two cycles, with which it joins a running one."""
 _LONGEST_LEAD_S = 1.0
+_TOLD_LATE_S = 0.001
 
 StateListener = Callable[[RobotState, bool], None]
 CustodyListener = Callable[[NotifyGuard], None]
@@ -431,7 +432,15 @@ class ArmClient:
         elapsed = 0.0
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
-        path = build_path(start.begin, trajectory, elapsed, self.model, self.settings.trajectory_start_tolerance)
+        settings = self.settings
+        path = build_path(start.begin, trajectory, elapsed, self.model, BuildOptions(
+            settings.trajectory_start_tolerance, settings.late_stamp, settings.trajectory_overshoot == "scale"))
+        if path.rates is not None:
+            _LOG.info("the trajectory is slowed, and takes %.3f s longer than its %.3f s: %s", path.rates.delay(),
+                      trajectory.points[-1].time, path.rates.text)
+        if start.begin.is_at_rest and path.begin < elapsed - _TOLD_LATE_S:
+            _LOG.info("the trajectory begins %.3f s late: its stamp was %.3f s ago when it was taken",
+                      elapsed - path.begin, elapsed)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:

@@ -29,6 +29,10 @@ class ClientSettings:
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
         trajectory_start_tolerance: Largest distance of an arm at rest from where its trajectory begins, rad.
+        late_stamp: A trajectory that was to begin up to this time ago is followed as a whole by an arm that is still at
+            its first point.
+        trajectory_overshoot: "scale": a trajectory that passes a limit by less than a quarter is slowed there;
+            "refuse": it is refused.
         jog_max_joint_speed: Highest speed of a joint in a velocity jog by joints, rad/s.
         jog_max_linear_speed: Highest speed of the tool in a velocity jog, m/s.
         jog_max_angular_speed: Highest speed of the tool's turning in a velocity jog, rad/s.
@@ -58,6 +62,8 @@ class ClientSettings:
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
     trajectory_start_tolerance: float = 0.01
+    late_stamp: float = 1.0
+    trajectory_overshoot: str = "scale"
     jog_max_joint_speed: float = 0.5
     jog_max_linear_speed: float = 0.25
     jog_max_angular_speed: float = 0.5

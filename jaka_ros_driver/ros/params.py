@@ -209,6 +209,12 @@ class DriverConfig:
     trajectory_start_tolerance: float = _number(
         _CLIENT.trajectory_start_tolerance, 0.0001, 1.0, "rad",
         "A trajectory is refused where the arm is farther from its first point.")
+    late_stamp: float = _number(
+        _CLIENT.late_stamp, 0.0, 10.0, "s", "A trajectory whose stamp is up to this old is followed as a whole, that "
+        "much later. This is for an arm that is still at its first point; older ones are refused there.")
+    trajectory_overshoot: str = _choice(
+        _CLIENT.trajectory_overshoot, ("scale", "refuse"), "A trajectory that passes a limit of speed or acceleration "
+        "by less than 25 %. It is slowed there, on the same way, or refused.")
     trajectory_path_tolerance: float = _number(
         0.0, 0.0, 1.0, "rad", "An arm that leaves its trajectory by more is stopped; 0: by more than 0.04 rad. A goal "
         "may name others.")

@@ -1,10 +1,11 @@
-"""The way from the arm's position onto a trajectory, and the audit of all of it before anything is sent."""
-from typing import List, NamedTuple, Sequence, Tuple
+"""The way from the arm's position onto a trajectory: the path that is audited and followed."""
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
+from jaka_ros_driver.trajectory.audit import audit, audit_changes
 from jaka_ros_driver.trajectory.corners import rounded_lines
 from jaka_ros_driver.trajectory.path import TERMS, Approach, Array, JointState, Path, quintic
 from jaka_ros_driver.trajectory.points import (
@@ -17,16 +18,8 @@ from jaka_ros_driver.trajectory.points import (
 )
 from jaka_ros_driver.trajectory.splines import spline, with_brake
 
-SPEED_SLACK = 1.02
-"""Share of the speed limit that a path may use: polynomials through points of the highest speed overshoot it a little.
-"""
-ACCELERATION_SLACK = 1.02
-_POSITION_SLACK = 1e-6
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 _SAME = 1e-9
-_SAMPLE_PERIOD_S = 0.5 * SERVO_PERIOD_S
-_PIECE_SAMPLES = (4, 64)
-_SAMPLES_AT_ONCE = 20_000
 _REST_PIECE_S = 1e-3
 MAX_DELAY_S = 60.0
 """Longest wait, s, for a trajectory that starts later; a wrong clock would ask for a longer one."""
@@ -39,8 +32,24 @@ class PathStart(NamedTuple):
     is_at_rest: bool
 
 
+class BuildOptions(NamedTuple):
+    """The trajectories that are taken beside those that fit exactly.
+
+    Attributes:
+        start_tolerance: Largest distance, rad, of an arm at rest from the begin of the trajectory.
+        late: An arm that rests at the first point of a trajectory that was to start up to this time ago, s, follows the
+            whole of it, that much later.
+        slows: A path that passes a limit by less than ``rates.LARGEST_OVERSHOOT`` is run through at a lower rate there; else
+            it is refused.
+    """
+
+    start_tolerance: float
+    late: float = 0.0
+    slows: bool = False
+
+
 def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
-               start_tolerance: float) -> Path:
+               options: BuildOptions) -> Path:
     """Return a path from ``start`` through the points, within the limits of the model at every moment.
 
     Points that were to be reached before now are left out. Where the first point is due now or before, the path leads
@@ -51,7 +60,7 @@ def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, mo
         trajectory: The points.
         elapsed: Time since the trajectory was to start, s; negative where it starts later.
         model: Its limits.
-        start_tolerance: Largest distance, rad, of an arm at rest from the begin of the trajectory.
+        options: What is taken.
 
     Raises:
         InvalidTrajectory: The message names point or joint, time, value, and what is valid.
@@ -62,48 +71,33 @@ def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, mo
         raise InvalidTrajectory("the trajectory is to start in %.3f s; at most %g s are waited for" % (
             -elapsed, MAX_DELAY_S))
     with np.errstate(all="ignore"):
-        return _build(start, trajectory, elapsed, model, start_tolerance)
+        return _build(start, trajectory, elapsed, model, options)
 
 
 def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
-           start_tolerance: float) -> Path:
+           options: BuildOptions) -> Path:
     since = max(elapsed, 0.0)
     begin = elapsed if start.is_at_rest else since
     left = [point for point in trajectory.points if point.time > since + _SAME]
     if not left:
-        return _path_of_no_way(start, trajectory, elapsed, start_tolerance)
+        return _path_of_no_way(start, trajectory, elapsed, options.start_tolerance)
     if trajectory.points[0].time > since + _SAME:
         first = TrajectoryPoint(since, *start.state)
         breaks, coefficients = _through([first, *left], start)
         path = Path(*_ended(breaks, coefficients, left[-1]), begin=begin)
-        audit(path, model)
+        audit(path, model, options.slows)
         change = np.array([path.at(since).velocity]) - np.array([start.state.velocity])
-        _refuse_changes(np.array([since]), change)
+        audit_changes(np.array([since]), change)
         return path
     at_rest = PathStart(JointState(trajectory.points[0].position, (0.0,) * JOINT_COUNT, (0.0,) * JOINT_COUNT), True)
     breaks, coefficients = _ended(*_through(trajectory.points, at_rest), left[-1])
-    return _led_onto(Path(breaks, coefficients, begin=begin), start, since, model, start_tolerance)
-
-
-def audit(path: Path, model: ArmModel) -> None:
-    """Check that every joint keeps its limits of position, speed and acceleration on the whole path.
-
-    Raises:
-        InvalidTrajectory: It does not; the message names the joint, the time, the value and the limit.
-    """
-    counts = np.clip(np.ceil(np.diff(path.breaks) / _SAMPLE_PERIOD_S).astype(int), *_PIECE_SAMPLES)
-    ends = np.cumsum(counts)
-    first = 0
-    while first < len(counts):
-        until = int(np.searchsorted(ends, ends[first] + _SAMPLES_AT_ONCE))  # the next piece at least
-        pieces = np.repeat(np.arange(first, until), counts[first:until])
-        share = np.concatenate([np.arange(n) / n for n in counts[first:until]])
-        _audit_at(path, model, path.breaks[pieces] + share * np.diff(path.breaks)[pieces])
-        first = until
-    _audit_at(path, model, np.array([path.end]))
-    if path.approach is not None:
-        _audit_at(path, model, np.linspace(path.approach.since, min(path.approach.until, path.end), 256)[:-1])
-    _audit_changes(path)
+    path = Path(breaks, coefficients, begin=begin)
+    if start.is_at_rest:
+        late = _late_begin(start, trajectory, path, since, options)
+        if late is not None:
+            since = late
+            path = Path(breaks, coefficients, begin=since)
+    return _led_onto(path, start, since, model, options.slows)
 
 
 # ---- inside ----
@@ -134,15 +128,44 @@ def _path_of_no_way(start: PathStart, trajectory: JointTrajectory, elapsed: floa
     return Path([last.time, last.time + _REST_PIECE_S], piece, begin=elapsed)
 
 
-def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, start_tolerance: float) -> Path:
-    """Return the path with the shortest approach onto it that keeps the limits."""
+def _late_begin(start: PathStart, trajectory: JointTrajectory, path: Path, since: float,
+                options: BuildOptions) -> Optional[float]:
+    """Return the time of the first point for an arm that rests there, and that of ``since`` has left behind.
+
+    None: the arm is near enough to the place of ``since``. An arm that cut the way to that place would leave the path.
+
+    Raises:
+        InvalidTrajectory: The arm is at neither place.
+        TrajectoryOfThePast: It is at the first point, which has been due for too long.
+    """
+    first = trajectory.points[0]
+    at = start.state.position
+    if _farthest(at, path.at(since).position)[0] <= options.start_tolerance:
+        return None
+    _check_start(at, first.position, options.start_tolerance)
+    if since - first.time > options.late:
+        raise TrajectoryOfThePast(
+            "the trajectory was to begin %.3f s ago (header.stamp), and the arm is still at its first point; at most "
+            "%.3g s late is taken (late_stamp)" % (since - first.time, options.late))
+    return first.time
+
+
+def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool) -> Path:
+    """Return the path with the shortest approach onto it that keeps the limits; where none does, one that is slowed."""
+    try:
+        return _audited_approach(path, start, since, model, False)
+    except InvalidTrajectory:
+        if not slows:
+            raise
+    return _audited_approach(path, start, since, model, True)
+
+
+def _audited_approach(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool) -> Path:
     on_path = path.at(since)
-    if start.is_at_rest:
-        _check_start(start.state.position, on_path.position, start_tolerance)
     away = np.array([start.state.position]) - np.array([on_path.position])
     faster = np.array([start.state.velocity]) - np.array([on_path.velocity])
     if max(float(np.abs(away).max()), float(np.abs(faster).max())) <= _SAME:
-        audit(path, model)
+        audit(path, model, slows)
         return path
     error: InvalidTrajectory = InvalidTrajectory("the trajectory ends too soon to be joined from where the arm is")
     nothing = np.zeros((1, JOINT_COUNT))
@@ -152,7 +175,7 @@ def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, start
         approach = quintic(np.array([duration]), (away, faster, nothing), (nothing, nothing, nothing))[0]
         led = Path(path.breaks, path.coefficients, path.begin, Approach(since, since + duration, approach))
         try:
-            audit(led, model)
+            audit(led, model, slows)
         except InvalidTrajectory as reason:
             error = reason
         else:
@@ -161,55 +184,14 @@ def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, start
 
 
 def _check_start(measured: Sequence[float], planned: Sequence[float], tolerance: float) -> None:
-    away: List[float] = [abs(a - b) for a, b in zip(measured, planned)]
-    if max(away) > tolerance:
-        joint = away.index(max(away))
+    away, joint = _farthest(measured, planned)
+    if away > tolerance:
         raise InvalidTrajectory("the trajectory begins %.4f rad from where joint %d is (%.4f rad); at most %.4g rad "
                                 "are allowed (trajectory_start_tolerance)" % (
-                                    away[joint], joint + 1, measured[joint], tolerance))
+                                    away, joint + 1, measured[joint], tolerance))
 
 
-def _audit_at(path: Path, model: ArmModel, times: Array) -> None:
-    times = times[times >= path.begin]  # what lies before is not followed, and an approach means nothing there
-    positions, velocities, accelerations = path.samples(times)
-    low, high = np.array(model.joint_limits).T
-    beyond = np.maximum(low - positions, positions - high) - _POSITION_SLACK
-    _refuse_worst(times, beyond, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
-        joint + 1, positions[where, joint], low[joint], high[joint]))
-    top = np.minimum(np.array(model.joint_max_speed), JOINT_SPEED_CEILING)
-    _refuse_worst(times, np.abs(velocities) - top * SPEED_SLACK, lambda where, joint: (
-        "joint %d would run at %.4f rad/s %%s; valid: at most %.4f rad/s" % (
-            joint + 1, velocities[where, joint], top[joint])))
-    _refuse_worst(times, np.abs(accelerations) - JOINT_ACCELERATION_CEILING * ACCELERATION_SLACK, lambda where, joint: (
-        "joint %d would need %.4f rad/s2 %%s; valid: at most %.4f rad/s2" % (
-            joint + 1, accelerations[where, joint], JOINT_ACCELERATION_CEILING)))
-
-
-def _audit_changes(path: Path) -> None:
-    """Refuse a speed that changes from one polynomial to the next by more than one cycle allows.
-
-    The change to rest at the end of the path counts, too.
-    """
-    starts, durations = path.coefficients[:, 1], np.diff(path.breaks)
-    powers = durations[:, None] ** np.arange(TERMS - 1) * np.arange(1, TERMS)
-    ends = np.einsum("nt,ntj->nj", powers, path.coefficients[:, 1:])
-    changes = np.concatenate((starts[1:], np.zeros((1, JOINT_COUNT)))) - ends
-    if path.end - path.begin <= SERVO_PERIOD_S:
-        return
-    is_later = path.breaks[1:] > path.begin
-    _refuse_changes(path.breaks[1:][is_later], changes[is_later])
-
-
-def _refuse_changes(times: Array, changes: Array) -> None:
-    allowed = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S * ACCELERATION_SLACK
-    _refuse_worst(times, np.abs(changes) - allowed, lambda where, joint: (
-        "the speed of joint %d would change by %.4f rad/s at once %%s, which no joint can; give velocities for every "
-        "point" % (joint + 1, changes[where, joint])))
-
-
-def _refuse_worst(times: Array, excess: Array, text: "object") -> None:
-    breaks_limit = ~(excess <= 0.0)  # also where numbers have become too large
-    if breaks_limit.any():
-        where = int(np.flatnonzero(breaks_limit.any(axis=1))[0])
-        joint = int(np.nan_to_num(excess[where], nan=np.inf).argmax())
-        raise InvalidTrajectory(text(where, joint) % ("after %.3f s" % times[where]))  # type: ignore[operator]
+def _farthest(measured: Sequence[float], planned: Sequence[float]) -> Tuple[float, int]:
+    """Return the largest distance of a joint, rad, and the joint's index."""
+    away: List[float] = [abs(a - b) for a, b in zip(measured, planned)]
+    return max(away), away.index(max(away))

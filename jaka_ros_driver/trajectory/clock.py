@@ -9,7 +9,7 @@ from typing import NamedTuple, Optional, Tuple
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
 from jaka_ros_driver.state import Vector
-from jaka_ros_driver.trajectory.build import ACCELERATION_SLACK
+from jaka_ros_driver.trajectory.audit import ACCELERATION_SLACK
 from jaka_ros_driver.trajectory.path import JointState, Path
 
 _CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
@@ -110,6 +110,7 @@ class PathClock:
     def _from_here(self, asked: float) -> _Step:
         wanted = 1.0 if asked > 1.0 and not self._has_room_ahead() else asked
         rate = self.rate
+        wanted = min(wanted, self._highest_rate(self.time + 0.5 * rate * SERVO_PERIOD_S))
         for _ in range(_TRIES):  # another stretch of the path: its mean speed is not quite the same
             expected, rate = rate, self._possible(wanted, rate)
             if abs(rate - expected) <= _SAME_RATE:
@@ -136,6 +137,12 @@ class PathClock:
             return self.path.at(time)
         joined_at, path = self._next
         return path.at(path.begin + time - joined_at)
+
+    def _highest_rate(self, time: float) -> float:
+        if self._next is None or time < self._next[0]:
+            return self.path.highest_rate(time)
+        joined_at, path = self._next
+        return path.highest_rate(path.begin + time - joined_at)
 
     def _possible(self, wanted: float, expected: float) -> float:
         """Return the rate nearest to the wanted one that asks no joint for more speed or acceleration than it has.

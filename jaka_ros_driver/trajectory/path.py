@@ -1,10 +1,12 @@
 """A path of six joints over time: polynomials of degree five between breaks."""
+import math
 from typing import Any, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT
 from jaka_ros_driver.state import Vector
+from jaka_ros_driver.trajectory.rates import Rates
 
 TERMS = 6
 """Coefficients of a polynomial, from the constant one on."""
@@ -41,6 +43,7 @@ class Path:
         breaks: Where one polynomial follows the other, s (n + 1,).
         coefficients: Of each, over the time from its break, (n, 6 terms, 6 joints).
         approach: Added at its begin; None for none.
+        rates: Where its clock must run slower than time; None: nowhere.
     """
 
     def __init__(self, breaks: Array, coefficients: Array, begin: Optional[float] = None,
@@ -50,6 +53,11 @@ class Path:
         self.begin = float(self.breaks[0]) if begin is None else begin
         self.end = float(self.breaks[-1])
         self.approach = approach
+        self.rates: Optional[Rates] = None
+
+    def highest_rate(self, time: float) -> float:
+        """Return the highest rate of the clock at this time, s; infinite where the path sets none."""
+        return math.inf if self.rates is None else self.rates.at(time)
 
     def at(self, time: float) -> JointState:
         """Return position, velocity and acceleration at this time, s."""

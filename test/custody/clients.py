@@ -12,7 +12,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 STOP_BUTTON = 9
@@ -166,7 +166,7 @@ class Clients:
         start = asked.result
         try:
             path = build_path(start.begin, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
-                              self._model, 0.01)
+                              self._model, BuildOptions(0.01, late=1.0, slows=True))
         except InvalidTrajectory:
             return
         command = c.JointMove(path.at(path.end).position, 1.0, 1.0)

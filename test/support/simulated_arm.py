@@ -18,7 +18,7 @@ from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
 from jaka_ros_driver.simulation.dialect.table import Dialect
-from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 FIELDS = frozenset((
@@ -156,14 +156,15 @@ class SimulatedArm:
         finally:
             self._perform()
 
-    def follow(self, points):
+    def follow(self, points, slows=False):
         """Follow points as the shell does; return the error of the answer, None for none, when the arm is free
         again."""
         self.core.trajectory_start("start", 0.016, 0, self.now)
         self._perform()
         start, error = self.answers.pop("start")
         assert error is None, error
-        path = build_path(start.begin, JointTrajectory(tuple(points)), 0.0, self._model, START_TOLERANCE)
+        path = build_path(start.begin, JointTrajectory(tuple(points)), 0.0, self._model,
+                          BuildOptions(START_TOLERANCE, slows=slows))
         self.core.follow("goal", path, start, TrajectoryTolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
         self._perform()
         self.until(lambda: "goal" in self.answers, path.end + 3.0)

@@ -4,7 +4,7 @@ import math
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.trajectory.build import PathStart, build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, PathStart, build_path
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint
 
@@ -42,8 +42,9 @@ def moving(ways, velocity, acceleration=()):
     return PathStart(JointState(joints(*ways), six(*velocity), six(*acceleration)), False)
 
 
-def build(points, start=None, elapsed=0.0, tolerance=START_TOLERANCE, **settings):
-    return build_path(start or resting(), JointTrajectory(tuple(points), **settings), elapsed, MODEL, tolerance)
+def build(points, start=None, elapsed=0.0, late=0.0, slows=False, **settings):
+    return build_path(start or resting(), JointTrajectory(tuple(points), **settings), elapsed, MODEL,
+                      BuildOptions(START_TOLERANCE, late, slows))
 
 
 def wave(spacing, has_acceleration=False, duration=4.0, size=0.6, first=True):

@@ -4,9 +4,10 @@ import pytest
 from plans import HOME, MODEL, REST, START_TOLERANCE, at, build, joints, moving, resting, six, wave
 
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.trajectory.build import MAX_DELAY_S, build_path
+from jaka_ros_driver.trajectory.build import MAX_DELAY_S, BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryOfThePast, TrajectoryPoint
 
+OPTIONS = BuildOptions(START_TOLERANCE)
 AT_REST_AT_1 = (at(1.0, (0.3,), REST),)
 REFUSED = {
     "a point outside the limits": (
@@ -111,16 +112,16 @@ def test_a_last_point_that_moves_is_braked_behind_within_the_limits():
 def test_the_limits_are_those_of_the_model():
     slow = load_model("zu18")
     points = JointTrajectory((at(1.5, (2.3,), REST),))
-    build_path(resting(), points, 0.0, MODEL, START_TOLERANCE)
+    build_path(resting(), points, 0.0, MODEL, OPTIONS)
     with pytest.raises(InvalidTrajectory, match=r"joint 1 would run at 2\.\d+ rad/s .*valid: at most 2\.0944 rad/s"):
-        build_path(resting(), points, 0.0, slow, START_TOLERANCE)
+        build_path(resting(), points, 0.0, slow, OPTIONS)
 
 
 def test_no_joint_may_run_faster_than_the_ceiling_of_all_models():
     fast = load_model("zu3")
     assert fast.joint_max_speed[5] > 3.8
     with pytest.raises(InvalidTrajectory, match=r"joint 6 would run at 3\.2\d+ rad/s .*valid: at most 3\.1416 rad/s"):
-        build_path(resting(), JointTrajectory((at(1.5, (0.0, 0.0, 0.0, 0.0, 0.0, 3.5), REST),)), 0.0, fast, 0.01)
+        build_path(resting(), JointTrajectory((at(1.5, (0.0, 0.0, 0.0, 0.0, 0.0, 3.5), REST),)), 0.0, fast, OPTIONS)
 
 
 def test_points_on_the_limits_themselves_are_taken():

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from plans import ACCELERATION, HOME, MODEL, REST, at, build, joints, moving, resting, samples, wave
 
-from jaka_ros_driver.trajectory.build import ACCELERATION_SLACK, InvalidTrajectory
+from jaka_ros_driver.trajectory.audit import ACCELERATION_SLACK
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.splines import spline
 
 

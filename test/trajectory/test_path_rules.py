@@ -6,7 +6,7 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
-from jaka_ros_driver.trajectory.build import PathStart, build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, PathStart, build_path
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import (
@@ -31,7 +31,8 @@ def moving(velocity):
 
 def built(*points, start=0.0, is_at_rest=True, velocity=0.0, elapsed=0.0, may_end_moving=False):
     begin = PathStart(JointState((start,) + HOME[1:], moving(velocity), REST), is_at_rest)
-    return build_path(begin, JointTrajectory(points, may_end_moving=may_end_moving), elapsed, MODEL, 0.01)
+    return build_path(begin, JointTrajectory(points, may_end_moving=may_end_moving), elapsed, MODEL,
+                      BuildOptions(0.01))
 
 
 def joint_1(path, time):

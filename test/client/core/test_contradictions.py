@@ -13,7 +13,7 @@ from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 MODEL = load_model("zu7")
@@ -92,7 +92,7 @@ class Cell(Story):
             self.answers["motion"] = self.now, None, error
             return
         path = build_path(start.begin, JointTrajectory((TrajectoryPoint(8.0, (0.8,) + HOME[1:], REST),)), 0.0, MODEL,
-                          0.01)
+                          BuildOptions(0.01))
         self.core.follow("motion", path, start, TrajectoryTolerances((None,) * 6, (0.01,) * 6, 1.0), self.core.stops,
                          self.now)
 

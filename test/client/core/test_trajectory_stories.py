@@ -17,7 +17,7 @@ from jaka_ros_driver.errors import (
 )
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol import codec
-from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 MODEL = load_model("zu7")
@@ -55,7 +55,7 @@ class Following(Story):
         _, start, error = self.answers[token]
         if error is not None:
             raise error
-        path = build_path(start.begin, JointTrajectory(tuple(points)), elapsed, MODEL, 0.01)
+        path = build_path(start.begin, JointTrajectory(tuple(points)), elapsed, MODEL, BuildOptions(0.01))
         self.core.follow(call, path, start, tolerances, self.core.stops, self.now)
         self.perform()
         return path
@@ -194,7 +194,7 @@ def test_a_path_that_comes_too_late_to_join_is_refused_and_the_one_under_way_goe
     story.core.trajectory_start("start", 0.016, 0, story.now)
     story.perform()
     start = story.answers["start"][1]
-    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, BuildOptions(0.01))
     story.run(0.05)
     story.core.follow("next", path, start, LOOSE, 0, story.now)
     story.perform()
@@ -206,7 +206,7 @@ def test_an_arm_that_has_moved_since_the_audit_is_not_streamed():
     story.core.trajectory_start("start", 0.0, 0, story.now)
     story.perform()
     start = story.answers["start"][1]
-    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, BuildOptions(0.01))
     story.joints[0] += 0.005
     story.run(0.2)
     story.core.follow("goal", path, start, LOOSE, 0, story.now)
@@ -237,7 +237,7 @@ def test_a_stop_ends_a_trajectory_that_was_asked_for_before_it(when):
     story.core.trajectory_start("start", 0.016, 0, story.now)
     story.perform()
     start = story.answers["start"][1]
-    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, BuildOptions(0.01))
     story.core.stop("stop", story.now)
     story.run(0.3)
     story.core.follow("goal", path, start, LOOSE, 0, story.now)

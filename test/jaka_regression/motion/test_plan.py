@@ -14,7 +14,7 @@ from jaka_regression.motion.time_law import SOLVERS, find_solver
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
-from jaka_ros_driver.trajectory.build import PathStart, build_path
+from jaka_ros_driver.trajectory.build import BuildOptions, PathStart, build_path
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import MAX_POINTS, JointTrajectory, TrajectoryPoint
 
@@ -28,7 +28,7 @@ def audited(plan, model="zu7"):
     rows = zip(plan.time.tolist(), plan.position.tolist(), plan.velocity.tolist(), plan.acceleration.tolist())
     points = tuple(TrajectoryPoint(t, tuple(p), tuple(v), tuple(a)) for t, p, v, a in rows)
     rest = PathStart(JointState(plan.start, (0.0,) * 6, (0.0,) * 6), True)
-    return build_path(rest, JointTrajectory(points), 0.0, load_model(model), 0.01)
+    return build_path(rest, JointTrajectory(points), 0.0, load_model(model), BuildOptions(0.01))
 
 
 def test_what_is_known_of_the_driver_is_so():

@@ -1,0 +1,137 @@
+"""The audit of a path: position, speed and acceleration of every joint, at every moment, before anything is sent."""
+from typing import Callable, Optional
+
+import numpy as np
+
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.trajectory.path import TERMS, Array, Path
+from jaka_ros_driver.trajectory.points import InvalidTrajectory
+from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT, Overshoots, Rates
+
+SPEED_SLACK = 1.02
+"""Share of the speed limit that a path may use: polynomials through points of the highest speed overshoot it a little.
+"""
+ACCELERATION_SLACK = 1.02
+_POSITION_SLACK = 1e-6
+_SAMPLE_PERIOD_S = 0.5 * SERVO_PERIOD_S
+_PIECE_SAMPLES = (4, 64)
+_SAMPLES_AT_ONCE = 20_000
+
+
+def audit(path: Path, model: ArmModel, slows: bool = False) -> None:
+    """Check that every joint keeps its limits of position, speed and acceleration on the whole path.
+
+    slows: Give the path lower rates where it passes a limit by less than ``LARGEST_OVERSHOOT``.
+
+    Raises:
+        InvalidTrajectory: It does not; the message names the joint, the time, the value and the limit.
+    """
+    found = Overshoots() if slows else None
+    counts = np.clip(np.ceil(np.diff(path.breaks) / _SAMPLE_PERIOD_S).astype(int), *_PIECE_SAMPLES)
+    ends = np.cumsum(counts)
+    first = 0
+    while first < len(counts):
+        until = int(np.searchsorted(ends, ends[first] + _SAMPLES_AT_ONCE))  # the next piece at least
+        pieces = np.repeat(np.arange(first, until), counts[first:until])
+        share = np.concatenate([np.arange(n) / n for n in counts[first:until]])
+        _audit_at(path, model, path.breaks[pieces] + share * np.diff(path.breaks)[pieces], found)
+        first = until
+    _audit_at(path, model, np.array([path.end]), found)
+    if path.approach is not None:
+        _audit_at(path, model, np.linspace(path.approach.since, min(path.approach.until, path.end), 256)[:-1], found)
+    _audit_changes(path, found)
+    if found:
+        path.rates = found.rates(path.begin, path.end, lambda rates: _keeps_limits(path, model, rates))
+        if path.rates is None:
+            audit(path, model)
+
+
+def audit_changes(times: Array, changes: Array, found: Optional[Overshoots] = None) -> None:
+    """Refuse changes of the speeds at once, rad/s (m, 6), at these times, s (m,), that no joint can make in one cycle.
+
+    found: Where small ones are noted instead; None: all are refused.
+
+    Raises:
+        InvalidTrajectory: A change is too large.
+    """
+    allowed = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+    _judge(times, np.abs(changes) / allowed, ACCELERATION_SLACK, lambda where, joint: (
+        "the speed of joint %d would change by %.4f rad/s at once %%s, which no joint can; give velocities for every "
+        "point" % (joint + 1, changes[where, joint])), found)
+
+
+# ---- inside ----
+
+def _audit_at(path: Path, model: ArmModel, times: Array, found: Optional[Overshoots]) -> None:
+    times = times[times >= path.begin]  # what lies before is not followed, and an approach means nothing there
+    positions, velocities, accelerations = path.samples(times)
+    low, high = np.array(model.joint_limits).T
+    beyond = np.maximum(low - positions, positions - high) / _POSITION_SLACK
+    _judge(times, beyond, 1.0, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
+        joint + 1, positions[where, joint], low[joint], high[joint]), None)
+    top = _top_speeds(model)
+    _judge(times, np.abs(velocities) / top, SPEED_SLACK, lambda where, joint: (
+        "joint %d would run at %.4f rad/s %%s; valid: at most %.4f rad/s" % (
+            joint + 1, velocities[where, joint], top[joint])), found)
+    _judge(times, np.abs(accelerations) / JOINT_ACCELERATION_CEILING, ACCELERATION_SLACK, lambda where, joint: (
+        "joint %d would need %.4f rad/s2 %%s; valid: at most %.4f rad/s2" % (
+            joint + 1, accelerations[where, joint], JOINT_ACCELERATION_CEILING)), found, 0.5)
+
+
+def _top_speeds(model: ArmModel) -> Array:
+    return np.minimum(np.array(model.joint_max_speed), JOINT_SPEED_CEILING)
+
+
+def _audit_changes(path: Path, found: Optional[Overshoots]) -> None:
+    """Refuse a speed that changes from one polynomial to the next by more than one cycle allows.
+
+    The change to rest at the end of the path counts, too.
+    """
+    starts, durations = path.coefficients[:, 1], np.diff(path.breaks)
+    powers = durations[:, None] ** np.arange(TERMS - 1) * np.arange(1, TERMS)
+    ends = np.einsum("nt,ntj->nj", powers, path.coefficients[:, 1:])
+    changes = np.concatenate((starts[1:], np.zeros((1, JOINT_COUNT)))) - ends
+    if path.end - path.begin <= SERVO_PERIOD_S:
+        return
+    is_later = path.breaks[1:] > path.begin
+    audit_changes(path.breaks[1:][is_later], changes[is_later], found)
+
+
+def _judge(times: Array, shares: Array, slack: float, text: Callable[[int, int], str], found: Optional[Overshoots],
+           power: float = 1.0) -> None:
+    """Refuse what is larger than a limit, or add it to what is found, where that is small enough.
+
+    Args:
+        times: Of the samples, s (m,).
+        shares: The values, as shares of the limits (m, 6).
+        slack: Largest share that counts as within the limit.
+        text: Returns the words for a sample and a joint.
+        found: Where overshoots are noted; None: they are refused.
+        power: The rate that keeps a limit is the inverse of its share to this power.
+    """
+    largest = slack if found is None else LARGEST_OVERSHOOT
+    breaks_limit = ~(shares <= largest)  # also where numbers have become too large
+    if breaks_limit.any():
+        where = int(np.flatnonzero(breaks_limit.any(axis=1))[0])
+        joint = int(np.nan_to_num(shares[where], nan=np.inf).argmax())
+        raise InvalidTrajectory(text(where, joint) % ("after %.3f s" % times[where]))
+    worst = shares.max(axis=1, initial=0.0)
+    passed = np.flatnonzero(worst > slack)
+    if found is not None and len(passed):
+        where = int(worst.argmax())
+        found.add(times[np.maximum(passed - 1, 0)], times[np.minimum(passed + 1, len(times) - 1)],
+                  worst[passed] ** -power, text(where, int(shares[where].argmax())) % ("after %.3f s" % times[where]))
+
+
+def _keeps_limits(path: Path, model: ArmModel, rates: Rates) -> bool:
+    """Return whether the path keeps the limits of speed and acceleration at these rates, wherever it is slowed."""
+    times = rates.times()
+    times = times[(times >= max(path.begin, float(path.breaks[0]))) & (times <= path.end)]
+    _, velocities, accelerations = path.samples(times)
+    rate, slope = (values[:, None] for values in rates.samples(times))
+    speeds = np.abs(velocities) / _top_speeds(model)
+    needed = np.abs(accelerations) / JOINT_ACCELERATION_CEILING
+    slowed = np.abs(accelerations * rate ** 2 + velocities * rate * slope) / JOINT_ACCELERATION_CEILING
+    return bool((speeds * rate <= np.clip(speeds, 1.0, SPEED_SLACK)).all()
+                and (slowed <= np.clip(needed, 1.0, ACCELERATION_SLACK)).all())

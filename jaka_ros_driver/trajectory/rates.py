@@ -1,0 +1,112 @@
+"""The rates at which a path is run through where it asks a little more of a joint than that has: its clock is slowed.
+
+The path itself stays as it is. Over each stretch in which a limit is passed the clock runs at one lower rate, with a
+ramp before and behind it; the ramps are made longer until they ask for nothing that a joint does not have.
+"""
+import math
+from bisect import bisect_right
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+LARGEST_OVERSHOOT = 1.25
+"""Factor over a limit up to which a path is slowed; a plan that asks for more was made with other limits."""
+_ROOM = 0.99
+"""Share of a limit that a slowed stretch uses: the clock needs the rest to keep to its ramps."""
+_RAMPS_S = (0.05, 0.1, 0.2, 0.4, 0.8)
+_STEP_S = 0.002
+_SLOPE_S = 1e-6
+
+Array = Any
+"""A numpy array, as in ``path``."""
+
+
+class Stretch(NamedTuple):
+    """A part of a path, from and until s, and the rate of the clock on it, 0 to 1."""
+
+    since: float
+    until: float
+    rate: float
+
+
+class Rates:
+    """The highest rates of a clock along a path.
+
+    Attributes:
+        stretches: Where it is slowed, in the order of time; with their ramps they do not touch.
+        ramp: Duration of the ramp before and behind each, s of the path.
+        text: What is slowed, in words.
+    """
+
+    def __init__(self, stretches: Sequence[Stretch], ramp: float, text: str) -> None:
+        self.stretches, self.ramp, self.text = list(stretches), ramp, text
+        self._begins = [stretch.since - ramp for stretch in stretches]
+
+    def at(self, time: float) -> float:
+        """Return the highest rate at this time of the path, s; infinite where it is not slowed."""
+        index = bisect_right(self._begins, time) - 1
+        if index < 0:
+            return math.inf
+        since, until, rate = self.stretches[index]
+        beside = max(since - time, time - until, 0.0) / self.ramp
+        return math.inf if beside >= 1.0 else rate + (1.0 - rate) * beside * beside * (3.0 - 2.0 * beside)
+
+    def delay(self) -> float:
+        """Return by how much longer the path takes than without, s."""
+        rates, _ = self.samples(self.times())
+        return _STEP_S * float((1.0 / rates - 1.0).sum())
+
+    def times(self) -> Array:
+        """Return the times at which the slowed parts, their ramps included, are looked at, s (m,)."""
+        return np.concatenate([np.arange(since - self.ramp, until + self.ramp, _STEP_S)
+                               for since, until, _ in self.stretches])
+
+    def samples(self, times: Array) -> Tuple[Array, Array]:
+        """Return the rates at many times, s (m,), and their derivatives over the path's time, 1/s: (m,) each."""
+        here, next_to = ([min(1.0, self.at(time + ahead)) for time in times.tolist()] for ahead in (0.0, _SLOPE_S))
+        return np.array(here), (np.array(next_to) - np.array(here)) / _SLOPE_S
+
+
+class Overshoots:
+    """The places where a path passes limits by less than ``LARGEST_OVERSHOOT``."""
+
+    def __init__(self) -> None:
+        self._stretches: List[Stretch] = []
+        self._worst: Tuple[float, str] = (1.0, "")
+
+    def __bool__(self) -> bool:
+        return bool(self._stretches)
+
+    def add(self, since: Array, until: Array, rates: Array, text: str) -> None:
+        """Add stretches: begins and ends, s, and the rates that keep the limit, (m,) each; ``text`` tells the worst."""
+        rates = rates * _ROOM
+        self._stretches += [Stretch(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
+        self._worst = min(self._worst, (float(rates.min()), text))
+
+    def rates(self, begin: float, end: float, keeps: Callable[[Rates], bool]) -> Optional[Rates]:
+        """Return the rates that keep every limit; None where there are none.
+
+        Args:
+            begin, end: Of the path, s.
+            keeps: Returns whether a path that is run through at these rates keeps its limits.
+        """
+        text = self._worst[1]
+        for ramp in _RAMPS_S:
+            found = Rates(_merged(self._stretches, ramp), ramp, text)
+            if keeps(found):
+                return found
+        lowest = min([stretch.rate for stretch in self._stretches])
+        whole = Rates([Stretch(begin, end, lowest)], _STEP_S, text)
+        return whole if keeps(whole) else None
+
+
+def _merged(stretches: Sequence[Stretch], ramp: float) -> List[Stretch]:
+    """Return the stretches in order, those as one whose ramps would touch."""
+    found: List[Stretch] = []
+    for stretch in sorted(stretches):
+        if found and stretch.since - found[-1].until < 2.0 * ramp:
+            last = found[-1]
+            found[-1] = Stretch(last.since, max(last.until, stretch.until), min(last.rate, stretch.rate))
+        else:
+            found.append(stretch)
+    return found
