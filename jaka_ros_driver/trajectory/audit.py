@@ -42,7 +42,7 @@ def audit(path: Path, model: ArmModel, slows: bool = False) -> None:
         _audit_at(path, model, np.linspace(path.approach.since, min(path.approach.until, path.end), 256)[:-1], found)
     _audit_changes(path, found)
     if found:
-        path.rates = found.rates(path.begin, path.end, lambda rates: _keeps_limits(path, model, rates))
+        path.rates = found.rates(path.begin, path.end, lambda rates: _share_at(path, model, rates))
         if path.rates is None:
             audit(path, model)
 
@@ -124,8 +124,11 @@ def _judge(times: Array, shares: Array, slack: float, text: Callable[[int, int],
                   worst[passed] ** -power, text(where, int(shares[where].argmax())) % ("after %.3f s" % times[where]))
 
 
-def _keeps_limits(path: Path, model: ArmModel, rates: Rates) -> bool:
-    """Return whether the path keeps the limits of speed and acceleration at these rates, wherever it is slowed."""
+def _share_at(path: Path, model: ArmModel, rates: Rates) -> float:
+    """Return the largest share of its limits of speed and acceleration that the path needs where it is slowed.
+
+    What the audit lets a path need beside its slowed parts is let pass on their ramps, too.
+    """
     times = rates.times()
     times = times[(times >= max(path.begin, float(path.breaks[0]))) & (times <= path.end)]
     _, velocities, accelerations = path.samples(times)
@@ -133,5 +136,5 @@ def _keeps_limits(path: Path, model: ArmModel, rates: Rates) -> bool:
     speeds = np.abs(velocities) / _top_speeds(model)
     needed = np.abs(accelerations) / JOINT_ACCELERATION_CEILING
     slowed = np.abs(accelerations * rate ** 2 + velocities * rate * slope) / JOINT_ACCELERATION_CEILING
-    return bool((speeds * rate <= np.clip(speeds, 1.0, SPEED_SLACK)).all()
-                and (slowed <= np.clip(needed, 1.0, ACCELERATION_SLACK)).all())
+    return float(max((speeds * rate / np.clip(speeds, 1.0, SPEED_SLACK)).max(initial=0.0),
+                     (slowed / np.clip(needed, 1.0, ACCELERATION_SLACK)).max(initial=0.0)))

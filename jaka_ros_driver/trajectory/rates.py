@@ -16,6 +16,8 @@ _ROOM = 0.99
 _RAMPS_S = (0.05, 0.1, 0.2, 0.4, 0.8)
 _STEP_S = 0.002
 _SLOPE_S = 1e-6
+_TRIES = 3
+"""Attempts with one ramp: what was found may be a little larger between its samples."""
 
 Array = Any
 """A numpy array, as in ``path``."""
@@ -83,21 +85,23 @@ class Overshoots:
         self._stretches += [Stretch(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
         self._worst = min(self._worst, (float(rates.min()), text))
 
-    def rates(self, begin: float, end: float, keeps: Callable[[Rates], bool]) -> Optional[Rates]:
+    def rates(self, begin: float, end: float, share: Callable[[Rates], float]) -> Optional[Rates]:
         """Return the rates that keep every limit; None where there are none.
 
         Args:
             begin, end: Of the path, s.
-            keeps: Returns whether a path that is run through at these rates keeps its limits.
+            share: Returns the largest share of a limit that the path needs where it is slowed to these rates.
         """
-        text = self._worst[1]
-        for ramp in _RAMPS_S:
-            found = Rates(_merged(self._stretches, ramp), ramp, text)
-            if keeps(found):
-                return found
         lowest = min([stretch.rate for stretch in self._stretches])
-        whole = Rates([Stretch(begin, end, lowest)], _STEP_S, text)
-        return whole if keeps(whole) else None
+        plans = [(ramp, _merged(self._stretches, ramp)) for ramp in _RAMPS_S]
+        for ramp, stretches in [*plans, (_STEP_S, [Stretch(begin, end, lowest)])]:
+            for _ in range(_TRIES):
+                found = Rates(stretches, ramp, self._worst[1])
+                needed = share(found)
+                if needed <= 1.0:
+                    return found
+                stretches = [stretch._replace(rate=stretch.rate / needed) for stretch in stretches]
+        return None
 
 
 def _merged(stretches: Sequence[Stretch], ramp: float) -> List[Stretch]:
