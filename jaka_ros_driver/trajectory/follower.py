@@ -1,0 +1,191 @@
+"""The follower of a stream of points that come one at a time, each a little ahead: MoveIt Servo and joysticks send so.
+
+Points come with the jitter of their sender and of the network. Each gets a place in time that runs on with the mean
+period of the stream, and lies two periods ahead at least, so that a point may be late by one. The joints follow the line
+through these places with the speed and the acceleration that they have, and never faster than they can stop at the last
+point: a stream that ends is held there, and not passed.
+"""
+import math
+from collections import deque
+from typing import Deque, List, NamedTuple, Optional, Tuple
+
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.state import Vector
+from jaka_ros_driver.trajectory.path import JointState
+from jaka_ros_driver.trajectory.points import InvalidTrajectory
+
+LONGEST_AHEAD_S = 0.35
+"""Time, s, up to which a single point belongs to a stream: three periods at 10 Hz, and some jitter."""
+_LONGEST_PERIOD_S = 0.1
+_PERIODS_AHEAD = 2.0
+_TOO_FAST = 1.25
+"""Factor over a joint's speed from which a point is refused: that is a jump, and no stream."""
+_PULL = 0.2
+"""Share by which a point's place follows its own time, and not the mean period."""
+_MEAN_OF = 10
+_GAIN = 0.25 / SERVO_PERIOD_S
+_BRAKE = 0.9 * JOINT_ACCELERATION_CEILING
+"""Deceleration, rad/s2, that is planned with; the rest makes up for whole cycles."""
+_STILL = 1e-9
+_ARRIVED = 1e-7
+_WIRE_ROUNDING = 1e-6
+
+
+class _Place(NamedTuple):
+    time: float
+    position: Vector
+
+
+class PointFollower:
+    """The place of the arm behind a stream of points; it has what a motion uses of a ``PathClock``.
+
+    Attributes:
+        position: The last position sent, rad (6,).
+        velocity: Of the last cycle, rad/s (6,).
+        now: Monotonic time of the next cycle, s; set by the motion.
+        rate: Always 1: a stream has no clock of its own.
+    """
+
+    rate = 1.0
+
+    def __init__(self, position: Vector, model: ArmModel, now: float) -> None:
+        """Begin at rest at ``position``, rad (6,)."""
+        self.position: Vector = position
+        self.velocity: Vector = (0.0,) * JOINT_COUNT
+        self.now = self._begun_at = now
+        self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
+        self._acceleration: Vector = (0.0,) * JOINT_COUNT
+        self._places: Deque[_Place] = deque([_Place(now, position)])
+        self._period: Optional[float] = None
+        self._points = 0
+        self._came_at = now
+
+    @property
+    def time(self) -> float:
+        """Time since the stream began, s."""
+        return self.now - self._begun_at
+
+    @property
+    def is_still(self) -> bool:
+        """True where the last cycle moved nothing."""
+        return max(map(abs, self.velocity)) <= _STILL
+
+    @property
+    def is_at_end(self) -> bool:
+        """True where the arm is at the last point."""
+        return len(self._places) == 1 and max([abs(a - b) for a, b in zip(
+            self.position, self._places[0].position)]) <= _ARRIVED
+
+    def silence(self, now: float) -> float:
+        """Return the time since the last point came, s."""
+        return now - self._came_at
+
+    def state(self) -> JointState:
+        """Return position, velocity and acceleration of the last cycle."""
+        return JointState(self.position, self.velocity, self._acceleration)
+
+    def add(self, position: Vector, due: float, now: float) -> None:
+        """Take the next point.
+
+        Args:
+            position: rad (6,), within the limits.
+            due: When the arm is to be there, monotonic time, s.
+            now: Monotonic time, s.
+
+        Raises:
+            InvalidTrajectory: A joint would have to run faster than it can; the points before are kept.
+        """
+        interval, last = now - self._came_at, self._places[-1]
+        period = self._period
+        is_on = period is not None and interval < 3.0 * period and last.time + 2.0 * period > now
+        if is_on and period is not None:
+            period += (interval - period) / min(self._points, _MEAN_OF)
+        elif self._points == 1 and interval <= 3.0 * _LONGEST_PERIOD_S:
+            period, is_on = interval, last.time + interval > now
+        else:
+            period = due - now
+        period = min(max(period, SERVO_PERIOD_S), _LONGEST_PERIOD_S)
+        time = max(due, now + _PERIODS_AHEAD * period if self._points else now + SERVO_PERIOD_S)
+        if is_on:
+            time = max(last.time + period + _PULL * (time - last.time - period), last.time + 0.25 * period)
+        span = max(time - (last.time if is_on else now), period)
+        for joint, (new, old, top) in enumerate(zip(position, last.position, self._top), 1):
+            if abs(new - old) > _TOO_FAST * top * span:
+                raise InvalidTrajectory("joint %d would have to run at %.3f rad/s to the point %.3f s ahead; valid: at "
+                                        "most %.4f rad/s" % (joint, abs(new - old) / span, span, top))
+        if not is_on:
+            self._points = 0
+            self._places = deque([_Place(now, self._reference(now)[0])])
+        self._period, self._came_at = period, now
+        self._points += 1
+        self._places.append(_Place(time, position))
+
+    def step(self, wanted: float) -> Vector:
+        """Advance one cycle; return the position, rad (6,).
+
+        wanted: Share of the joints' speeds that may be used, 0 to 1; 0 brakes, and holds.
+        """
+        target, speed = self._reference(self.now)
+        ways = [place.position for place in self._places] if len(self._places) == 1 else [
+            place.position for place in list(self._places)[1:]]
+        change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+        last = self._last_step(change) if wanted > 0.0 else None
+        velocity = last or []
+        for joint, (here, before, top) in enumerate(zip(self.position, self.velocity, self._top)):
+            if last is not None:
+                break
+            new = 0.0
+            if wanted > 0.0:
+                away = target[joint] - here
+                new = speed[joint] + math.copysign(min(_GAIN * abs(away), _stoppable(abs(away))), away)
+                room = max([way[joint] for way in ways]) - here if new > 0.0 else here - min([
+                    way[joint] for way in ways])
+                top *= min(wanted, 1.0)
+                new = math.copysign(min(abs(new), top, _stoppable(max(room, 0.0))), new)
+            velocity.append(min(max(new, before - change), before + change))
+        self._acceleration = tuple([(v - b) / SERVO_PERIOD_S for v, b in zip(velocity, self.velocity)])
+        self.position = tuple([p + v * SERVO_PERIOD_S for p, v in zip(self.position, velocity)])
+        self.velocity = tuple(velocity)
+        return self.position
+
+    # ---- inside ----
+
+    def _last_step(self, change: float) -> Optional[List[float]]:
+        """Return the velocity, rad/s, that leads to the last point itself, where a cycle can take it up and end it."""
+        if len(self._places) > 1:
+            return None
+        last = [(end - here) / SERVO_PERIOD_S for end, here in zip(self._places[0].position, self.position)]
+        fits = all(abs(new) <= 0.5 * change and abs(new - before) <= change for new, before in zip(last, self.velocity))
+        return last if fits else None
+
+    def _reference(self, time: float) -> Tuple[Vector, Vector]:
+        """Return where the line through the places is at this time, rad (6,), and its speed, rad/s (6,)."""
+        while len(self._places) > 1 and self._places[1].time <= time:
+            self._places.popleft()
+        first = self._places[0]
+        if len(self._places) == 1:
+            return first.position, (0.0,) * JOINT_COUNT
+        second = self._places[1]
+        span = second.time - first.time
+        share = min(max((time - first.time) / span, 0.0), 1.0)
+        return (tuple([a + share * (b - a) for a, b in zip(first.position, second.position)]),
+                tuple([(b - a) / span for a, b in zip(first.position, second.position)]))
+
+
+def require_within(position: Vector, model: ArmModel) -> None:
+    """Check that a point is six finite numbers within the joints' limits.
+
+    Raises:
+        InvalidTrajectory: It is not; the message names the joint, the value and the limits.
+    """
+    for joint, (value, (low, high)) in enumerate(zip(position, model.joint_limits), 1):
+        if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
+            raise InvalidTrajectory("joint %d would be at %.6f rad; valid: %.6f to %.6f rad" % (
+                joint, value, low, high))
+
+
+def _stoppable(distance: float) -> float:
+    """Return the highest speed, rad/s, from which a joint stops within this distance, rad, in whole cycles."""
+    half = 0.5 * SERVO_PERIOD_S
+    return min(_BRAKE * (math.sqrt(half * half + 2.0 * distance / _BRAKE) - half), distance / SERVO_PERIOD_S)
