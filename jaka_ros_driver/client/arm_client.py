@@ -16,6 +16,7 @@ from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
+from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.steps import Procedure
 from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
@@ -26,7 +27,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
@@ -422,6 +423,20 @@ class ArmClient:
                 raise error
             else:
                 return done
+
+    def follow_point(self, position: Vector, due: float) -> "Future[None]":
+        """Follow one point of a stream, as MoveIt Servo sends them: the joints keep their limits, whatever it asks for.
+
+        Args:
+            position: rad (6,).
+            due: When the arm is to be there, monotonic time, s; ``follower.LONGEST_AHEAD_S`` ahead at most.
+
+        Returns:
+            Ends when the point is taken, or with its refusal: InvalidCommand (also: the stream was ended by a stop or a
+            fault, and must pause first), ConnectionLost, MotionInterrupted.
+        """
+        point = StreamPoint(position, due)
+        return self._begin(lambda call, now: self._core.follow_point(call, point, self._core.stops, now))
 
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[None]":

@@ -53,6 +53,7 @@ from jaka_ros_driver.ros.topics.sensors import SensorPublishers
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
+from jaka_ros_driver.ros.trajectories.controller_params import ControllerParams, controller_params
 from jaka_ros_driver.ros.trajectories.topics import TrajectoryInterface
 from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 
@@ -73,7 +74,7 @@ _DESCRIPTION = "robot_description"
 class DriverNode:
     """The driver node: everything that runs in it, from its start to its end."""
 
-    def __init__(self, config: DriverConfig, model: ArmModel) -> None:
+    def __init__(self, config: DriverConfig, model: ArmModel, controller: ControllerParams) -> None:
         """Lock the controller, and create services and topics; raise AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
@@ -93,7 +94,8 @@ class DriverNode:
                                   CallPublisher(), self._recorder)
         self._recover = RecoverAction(self._arm, self._recorder)
         self._paths = PathAction(self._arm, decoder, self._recorder)
-        self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity, self._recorder)
+        self._trajectories = TrajectoryInterface(
+            self._arm, config, controller, self._publishers.joint_velocity, self._recorder)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
         self._io = IoPublisher(self._arm, self._publishers.stamps)
@@ -317,7 +319,8 @@ class _Life:
             _set_scheduler(config.realtime_priority)
             refuse_unreachable_node()
             refuse_taken_topics(config)
-            driver = self._driver = DriverNode(config, config.arm_model())
+            controller = controller_params(config, rospy.get_param(config.trajectory_controller_name, None))
+            driver = self._driver = DriverNode(config, config.arm_model(), controller)
             rospy.on_shutdown(driver.close)
             rospy.on_shutdown(lambda: self._drain_log(_DRAIN_TIMEOUT_S))
             wait_for_time(self._ending)

@@ -7,7 +7,7 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
 from jaka_ros_driver.trajectory.audit import audit, audit_changes
 from jaka_ros_driver.trajectory.corners import rounded_lines
-from jaka_ros_driver.trajectory.path import TERMS, Approach, Array, JointState, Path, quintic
+from jaka_ros_driver.trajectory.path import Approach, Array, JointState, Path, quintic
 from jaka_ros_driver.trajectory.points import (
     REST_VELOCITY,
     InvalidTrajectory,
@@ -20,7 +20,6 @@ from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 _SAME = 1e-9
-_REST_PIECE_S = 1e-3
 MAX_DELAY_S = 60.0
 """Longest wait, s, for a trajectory that starts later; a wrong clock would ask for a longer one."""
 
@@ -39,8 +38,8 @@ class BuildOptions(NamedTuple):
         start_tolerance: Largest distance, rad, of an arm at rest from the begin of the trajectory.
         late: An arm that rests at the first point of a trajectory that was to start up to this time ago, s, follows the
             whole of it, that much later.
-        slows: A path that passes a limit by less than ``rates.LARGEST_OVERSHOOT`` is run through at a lower rate there; else
-            it is refused.
+        slows: A path that passes a limit by less than ``rates.LARGEST_OVERSHOOT`` is run through at a lower rate there;
+            else it is refused.
     """
 
     start_tolerance: float
@@ -67,6 +66,7 @@ def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, mo
         TrajectoryOfThePast: No point is left.
     """
     check_points(trajectory)
+    trajectory = trajectory.holding(start.state.position)
     if elapsed < -MAX_DELAY_S:
         raise InvalidTrajectory("the trajectory is to start in %.3f s; at most %g s are waited for" % (
             -elapsed, MAX_DELAY_S))
@@ -123,9 +123,9 @@ def _path_of_no_way(start: PathStart, trajectory: JointTrajectory, elapsed: floa
         raise TrajectoryOfThePast("every point lies in the past: the last one was due %.3f s ago" % (
             elapsed - last.time))
     _check_start(start.state.position, last.position, start_tolerance)
-    piece = np.zeros((1, TERMS, JOINT_COUNT))
-    piece[0, 0] = start.state.position
-    return Path([last.time, last.time + _REST_PIECE_S], piece, begin=elapsed)
+    path = Path.resting(start.state.position, last.time)
+    path.begin = elapsed
+    return path
 
 
 def _late_begin(start: PathStart, trajectory: JointTrajectory, path: Path, since: float,

@@ -1,9 +1,9 @@
 """The follower of a stream of points that come one at a time, each a little ahead: MoveIt Servo and joysticks send so.
 
 Points come with the jitter of their sender and of the network. Each gets a place in time that runs on with the mean
-period of the stream, and lies two periods ahead at least, so that a point may be late by one. The joints follow the line
-through these places with the speed and the acceleration that they have, and never faster than they can stop at the last
-point: a stream that ends is held there, and not passed.
+period of the stream, and lies two periods ahead at least, so that a point may be late by one. The joints follow the
+line through these places with the speed and the acceleration that they have, and never faster than they can stop at the
+last point: a stream that ends is held there, and not passed.
 """
 import math
 from collections import deque
@@ -17,13 +17,16 @@ from jaka_ros_driver.trajectory.points import InvalidTrajectory
 
 LONGEST_AHEAD_S = 0.35
 """Time, s, up to which a single point belongs to a stream: three periods at 10 Hz, and some jitter."""
-_LONGEST_PERIOD_S = 0.1
+HOLD_S = 0.5
+"""Time, s, without a point after which a stream has ended."""
+_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 0.002, 0.1
 _PERIODS_AHEAD = 2.0
 _TOO_FAST = 1.25
 """Factor over a joint's speed from which a point is refused: that is a jump, and no stream."""
 _PULL = 0.2
 """Share by which a point's place follows its own time, and not the mean period."""
-_MEAN_OF = 10
+_MEAN_OVER_S, _FEW = 1.0, 4
+_MOST_PERIODS_AHEAD = 3.0
 _GAIN = 0.25 / SERVO_PERIOD_S
 _BRAKE = 0.9 * JOINT_ACCELERATION_CEILING
 """Deceleration, rad/s2, that is planned with; the rest makes up for whole cycles."""
@@ -44,10 +47,8 @@ class PointFollower:
         position: The last position sent, rad (6,).
         velocity: Of the last cycle, rad/s (6,).
         now: Monotonic time of the next cycle, s; set by the motion.
-        rate: Always 1: a stream has no clock of its own.
+        rate: 0 while it holds the arm because it was told to, else 1: a stream has no clock of its own.
     """
-
-    rate = 1.0
 
     def __init__(self, position: Vector, model: ArmModel, now: float) -> None:
         """Begin at rest at ``position``, rad (6,)."""
@@ -57,9 +58,8 @@ class PointFollower:
         self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
         self._acceleration: Vector = (0.0,) * JOINT_COUNT
         self._places: Deque[_Place] = deque([_Place(now, position)])
-        self._period: Optional[float] = None
-        self._points = 0
-        self._came_at = now
+        self._came: Deque[float] = deque()
+        self.rate = 1.0
 
     @property
     def time(self) -> float:
@@ -73,13 +73,10 @@ class PointFollower:
 
     @property
     def is_at_end(self) -> bool:
-        """True where the arm is at the last point."""
-        return len(self._places) == 1 and max([abs(a - b) for a, b in zip(
-            self.position, self._places[0].position)]) <= _ARRIVED
-
-    def silence(self, now: float) -> float:
-        """Return the time since the last point came, s."""
-        return now - self._came_at
+        """True where the arm is at the last point, and none has come for ``HOLD_S``."""
+        if len(self._places) > 1 or self.now - (self._came[-1] if self._came else self._begun_at) < HOLD_S:
+            return False
+        return max([abs(a - b) for a, b in zip(self.position, self._places[0].position)]) <= _ARRIVED
 
     def state(self) -> JointState:
         """Return position, velocity and acceleration of the last cycle."""
@@ -96,17 +93,10 @@ class PointFollower:
         Raises:
             InvalidTrajectory: A joint would have to run faster than it can; the points before are kept.
         """
-        interval, last = now - self._came_at, self._places[-1]
-        period = self._period
-        is_on = period is not None and interval < 3.0 * period and last.time + 2.0 * period > now
-        if is_on and period is not None:
-            period += (interval - period) / min(self._points, _MEAN_OF)
-        elif self._points == 1 and interval <= 3.0 * _LONGEST_PERIOD_S:
-            period, is_on = interval, last.time + interval > now
-        else:
-            period = due - now
-        period = min(max(period, SERVO_PERIOD_S), _LONGEST_PERIOD_S)
-        time = max(due, now + _PERIODS_AHEAD * period if self._points else now + SERVO_PERIOD_S)
+        last, ahead = self._places[-1], max(due - now, 0.0)
+        period = self._period_with(now, ahead)
+        is_on = bool(self._came) and now - self._came[-1] < 3.0 * period and last.time + 2.0 * period > now
+        time = max(due, now + _PERIODS_AHEAD * period if self._came else now + SERVO_PERIOD_S)
         if is_on:
             time = max(last.time + period + _PULL * (time - last.time - period), last.time + 0.25 * period)
         span = max(time - (last.time if is_on else now), period)
@@ -115,10 +105,10 @@ class PointFollower:
                 raise InvalidTrajectory("joint %d would have to run at %.3f rad/s to the point %.3f s ahead; valid: at "
                                         "most %.4f rad/s" % (joint, abs(new - old) / span, span, top))
         if not is_on:
-            self._points = 0
             self._places = deque([_Place(now, self._reference(now)[0])])
-        self._period, self._came_at = period, now
-        self._points += 1
+        self._came.append(now)
+        while now - self._came[0] > _MEAN_OVER_S:
+            self._came.popleft()
         self._places.append(_Place(time, position))
 
     def step(self, wanted: float) -> Vector:
@@ -147,9 +137,21 @@ class PointFollower:
         self._acceleration = tuple([(v - b) / SERVO_PERIOD_S for v, b in zip(velocity, self.velocity)])
         self.position = tuple([p + v * SERVO_PERIOD_S for p, v in zip(self.position, velocity)])
         self.velocity = tuple(velocity)
+        self.rate = 0.0 if wanted == 0.0 and self.is_still else 1.0
         return self.position
 
     # ---- inside ----
+
+    def _period_with(self, now: float, ahead: float) -> float:
+        """Return the mean period of the points, s, with the one that comes now and is due ``ahead`` s from now.
+
+        The first ones tell little: several that a stall has held up come at once.
+        """
+        count = len(self._came)
+        mean = (now - self._came[0]) / count if count else ahead
+        if count < _FEW:
+            mean = max(mean, ahead / _MOST_PERIODS_AHEAD)
+        return min(max(mean, _SHORTEST_PERIOD_S), _LONGEST_PERIOD_S)
 
     def _last_step(self, change: float) -> Optional[List[float]]:
         """Return the velocity, rad/s, that leads to the last point itself, where a cycle can take it up and end it."""

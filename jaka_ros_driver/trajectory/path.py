@@ -14,6 +14,9 @@ Array = Any
 """A numpy array; numpy's own types are not known for all versions from 1.17 on."""
 
 
+_REST_PIECE_S = 1e-3
+
+
 class JointState(NamedTuple):
     """The positions, velocities and accelerations of the joints: rad, rad/s, rad/s2, (6,) each."""
 
@@ -54,6 +57,13 @@ class Path:
         self.end = float(self.breaks[-1])
         self.approach = approach
         self.rates: Optional[Rates] = None
+
+    @classmethod
+    def resting(cls, position: Vector, begin: float = 0.0) -> "Path":
+        """Return the path of joints that rest at ``position``, rad (6,), from ``begin``, s, on."""
+        piece = np.zeros((1, TERMS, JOINT_COUNT))
+        piece[0, 0] = position
+        return cls([begin, begin + _REST_PIECE_S], piece)
 
     def highest_rate(self, time: float) -> float:
         """Return the highest rate of the clock at this time, s; infinite where the path sets none."""

@@ -1,6 +1,6 @@
 """The trajectory that a client asks for: points, and how near the arm must keep to them."""
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -47,11 +47,27 @@ class JointTrajectory:
         points: At least one.
         starts_at: When it is to start, monotonic time, s; None: as soon as it is taken.
         may_end_moving: A last point with a velocity is taken; the arm brakes behind it. Else it is refused.
+        held: Indices of joints that the points do not name: they stay where they are when the trajectory begins.
     """
 
     points: Tuple[TrajectoryPoint, ...]
     starts_at: Optional[float] = None
     may_end_moving: bool = False
+    held: Tuple[int, ...] = ()
+
+    def holding(self, position: Vector) -> "JointTrajectory":
+        """Return the trajectory with the joints that it does not name held at ``position``, rad (6,)."""
+        if not self.held:
+            return self
+
+        def filled(values: Optional[Vector], held: Vector) -> Optional[Vector]:
+            return None if values is None else tuple([
+                held[joint] if joint in self.held else value for joint, value in enumerate(values)])
+
+        still = (0.0,) * JOINT_COUNT
+        return replace(self, points=tuple([TrajectoryPoint(
+            point.time, filled(point.position, position) or (), filled(point.velocity, still),
+            filled(point.acceleration, still)) for point in self.points]))
 
 
 @dataclass(frozen=True)

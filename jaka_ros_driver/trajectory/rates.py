@@ -89,7 +89,8 @@ class Overshoots:
         """Return the rates that keep every limit; None where there are none.
 
         Args:
-            begin, end: Of the path, s.
+            begin: Of the path, s.
+            end: Of the path, s.
             share: Returns the largest share of a limit that the path needs where it is slowed to these rates.
         """
         lowest = min([stretch.rate for stretch in self._stretches])

@@ -10,6 +10,7 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 
 PARTS = ("ArmClient", "CallPublisher", "Diagnostics", "DriverLock", "FrameReader", "Guard", "IoPublisher",
          "JogSubscribers", "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction", "RequestDecoder",
@@ -29,7 +30,8 @@ def parts(monkeypatch):
 
 
 def driver(**parameters):
-    return node.DriverNode(DriverConfig(**parameters), load_model("zu7"))
+    config = DriverConfig(**parameters)
+    return node.DriverNode(config, load_model("zu7"), controller_params(config, None))
 
 
 @pytest.mark.parametrize("is_guarded", [True, False])

@@ -17,6 +17,7 @@ from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
 from jaka_ros_driver.client.core.planned.program import ProgramMotion
+from jaka_ros_driver.client.core.point_stream import PointGate, StreamPoint
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.requests.admission import Admission, ArmRequest
 from jaka_ros_driver.client.core.requests.kinds import (
@@ -26,6 +27,7 @@ from jaka_ros_driver.client.core.requests.kinds import (
     LeaveServoRequest,
     MoveRequest,
     PathRequest,
+    PointRequest,
     ProcedureRequest,
     ProgramRequest,
     ServoModeRequest,
@@ -88,6 +90,8 @@ class ArmCore:
         self._running: List[Running] = []
         self._is_closing = False
         self._servo_end = ""
+        self._point_gate = PointGate()
+        self._point: Optional[PointRequest] = None
         self.disturbances = 0
         self.last_disturbance = ""
         self.is_recovering = False
@@ -369,6 +373,30 @@ class ArmCore:
         """
         self._enter(FollowRequest(call, self._arm, now, stops, path, start, tolerances), now)
 
+    def follow_point(self, call: Token, point: StreamPoint, stops: int, now: float) -> None:
+        """Follow one point of a stream of points; answered when it is taken.
+
+        A point that waits for the arm to come to rest is replaced by the next one. Errors: InvalidCommand (also: the
+        stream was ended, and must pause first), ConnectionLost, MotionInterrupted (a newer point came, or a stop).
+        """
+        waiting = self._point
+        if waiting is not None and self._admission.is_waiting(waiting):
+            self.actions.answer(waiting.call, None, MotionInterrupted(StopCause.REPLACED))
+            waiting.call, waiting.point = call, point
+            return
+        request = PointRequest(call, self._arm, now, stops, point, self._point_gate)
+        self.links.note_time(now)
+        try:
+            self._point_gate.pass_through(now)
+            if self._is_closing:
+                raise ConnectionLost("the driver is shutting down")
+            request.audit()
+            request.enter(now)
+        except JakaError as error:
+            self._point_gate.close(str(error))
+            self.actions.answer(call, None, error)
+        self._point = request
+
     def cancel_trajectory(self, call: Token, now: float) -> bool:
         """Brake the trajectory that answers ``call`` (None: any) on its path; return False where it does not run."""
         self.links.note_time(now)
@@ -446,6 +474,7 @@ class ArmCore:
         self.disturbances += 1
         self.last_disturbance = what
         self.dead_man.release(what)
+        self._point_gate.close(what)
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """Record that the controller accepted a change of hand guiding; not every feed has that."""

@@ -1,7 +1,7 @@
 """The motion along a joint trajectory: streamed on its audited path, joined by the next one, ended at rest on its last
 point.
 """
-from typing import List, NamedTuple, Optional
+from typing import List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
@@ -23,6 +23,7 @@ from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.build import PathStart
 from jaka_ros_driver.trajectory.clock import PathClock
+from jaka_ros_driver.trajectory.follower import PointFollower
 from jaka_ros_driver.trajectory.path import JointState, Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
@@ -113,7 +114,8 @@ class Trajectory(Streaming):
         """
         super().__init__(custody, state, on_mode)
         self._goal = goal
-        self._clock = PathClock(path, model)
+        self._path_clock = PathClock(path, model)
+        self._clock: Union[PathClock, PointFollower] = self._path_clock
         self._end = path.at(path.end).position
         self._trace = ServoTrace(_LONGEST_LAG_S, 0.1 * _LONGEST_LAG_S)
         self._near = ServoTrace(_LAG_S, 0.1 * _LAG_S)
@@ -129,8 +131,8 @@ class Trajectory(Streaming):
 
     @property
     def can_be_joined(self) -> bool:
-        """True where another trajectory can take over from here."""
-        return not self.is_leaving
+        """True where another trajectory can take over from here, also while this one is braked by a cancel."""
+        return not self.is_leaving or (self._is_cancelled and self._rests_since is None and not self._custody.is_ending)
 
     @property
     def progress(self) -> TrajectoryProgress:
@@ -151,8 +153,9 @@ class Trajectory(Streaming):
 
     def start_after(self, lead: float) -> TrajectoryStart:
         """Return the place where another trajectory can join this one, ``lead`` s ahead on the path."""
-        time = self._clock.time + lead
-        return TrajectoryStart(PathStart(self._clock.path.at(time), False), self, self._clock.path, time)
+        clock = self._path_clock
+        time = clock.time + lead
+        return TrajectoryStart(PathStart(clock.path.at(time), False), self, clock.path, time)
 
     def replace(self, goal: Goal, path: Path, start: TrajectoryStart) -> None:
         """Change to another path where it starts on the present one; the running goal is answered at once.
@@ -160,12 +163,15 @@ class Trajectory(Streaming):
         Raises:
             StartChanged: The arm has come further than that, or is on another path.
         """
-        if not self.can_be_joined or self._clock.path is not start.path or self._clock.time > start.time:
+        clock = self._path_clock
+        if not self.can_be_joined or clock.path is not start.path or clock.time > start.time:
             raise StartChanged("the arm has passed the point where the new trajectory was to join; send it again")
-        self._clock.join(start.time, path)
+        clock.join(start.time, path)
         before, self._goal = self._goal, goal
         self._end = path.at(path.end).position
-        self._custody.actions.answer(before.call, None, MotionInterrupted(StopCause.REPLACED))
+        cause = StopCause.CANCELLED if self._is_cancelled else StopCause.REPLACED
+        self._is_cancelled = self.is_leaving = False
+        self._custody.actions.answer(before.call, None, MotionInterrupted(cause))
 
     def cancel(self, call: Token) -> bool:
         """Brake on the path, and end at rest; return False where that goal does not run.
@@ -185,7 +191,7 @@ class Trajectory(Streaming):
 
     def prepare(self) -> None:
         if self._is_begun and self.is_streaming:
-            self._custody.channel.prepare(ServoJoint(self._clock.look_ahead(self._wanted)))
+            self._custody.channel.prepare(ServoJoint(self._path_clock.look_ahead(self._wanted)))
 
     def observe(self, state: RobotState, now: float) -> None:
         super().observe(state, now)
@@ -201,11 +207,10 @@ class Trajectory(Streaming):
         self._answer(outcome)
 
     def _entered(self, now: float) -> None:
-        clock = self._clock
-        if not _is_at(clock.position, self._state):
+        if not is_at(self._clock.position, self._state):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its trajectory began"), now)
         else:  # entering servo mode has taken some of the time until a trajectory that starts later
-            clock.pass_rest(self._next_frame - self._built_at)
+            self._path_clock.pass_rest(self._next_frame - self._built_at)
 
     def _not_entered(self, error: JakaError) -> None:
         self._answer(error)
@@ -305,9 +310,10 @@ def require_start(path: Path, state: RobotState) -> None:
     Raises:
         StartChanged: It is not.
     """
-    if not _is_at(path.at(path.begin).position, state):
+    if not is_at(path.at(path.begin).position, state):
         raise StartChanged("the arm has moved since its trajectory was audited; send it again")
 
 
-def _is_at(joints: Vector, state: RobotState) -> bool:
+def is_at(joints: Vector, state: RobotState) -> bool:
+    """Return whether the controller commands the arm to these joints, rad (6,)."""
     return max([abs(a - b) for a, b in zip(commanded_joints(state), joints)]) <= _SAME_START

@@ -13,12 +13,12 @@ from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
+from jaka_ros_driver.ros.trajectories.controller_params import ControllerParams
 from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states
 from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.trajectory.follower import LONGEST_AHEAD_S
 from jaka_ros_driver.trajectory.path import JointState
 
-STATE_PERIOD_S = 0.02
-"""Period, s, of the state: ros_controllers publishes that of a trajectory controller at 50 Hz."""
 _EARLY_S = 0.004
 """Half an interval, s, of the feed at 125 Hz: a frame that jitter brings early still counts as due."""
 _QUEUE = 10
@@ -28,7 +28,7 @@ _LOG_PERIOD_S = 1.0
 class TrajectoryInterface:
     """All names under which trajectories are taken, and the topics of their state."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig,
+    def __init__(self, arm: ArmClient, config: DriverConfig, params: ControllerParams,
                  joint_velocity: Callable[[RobotState], Optional[Vector]], recorder: Recorder) -> None:
         """Set up the names; ``offer`` begins.
 
@@ -36,10 +36,10 @@ class TrajectoryInterface:
         """
         self._arm = arm
         self._recorder = recorder
-        self._decoder = TrajectoryDecoder(config)
+        self._controller = config.trajectory_controller_name
+        self._decoder = TrajectoryDecoder(config, params)
         self._turns = TurnQueue()
         self._goals = CallCount()
-        self._controller = config.trajectory_controller_name
         self._has_industrial_names = config.industrial_names
         names = [self._controller + "/follow_joint_trajectory"]
         names += ["joint_trajectory_action"] if config.industrial_names else []
@@ -89,6 +89,9 @@ class TrajectoryInterface:
         if not message.points:
             self._recorder.message(name, message, state="stop")
         if message.points:
+            if self._is_point_of_a_stream(message):
+                self._follow_point(message, name)
+                return
             stops = self._arm.stops
             self._turns.put(lambda: self._follow(message, name, stops))
             return
@@ -101,7 +104,7 @@ class TrajectoryInterface:
             self._recorder.message(name, message, "a newer one came before it began")
             return
         try:
-            trajectory = self._decoder.trajectory(message, may_end_moving=True)
+            trajectory = self._decoder.trajectory(message, is_goal=False)
             assert trajectory is not None
             done = self._arm.follow(trajectory, self._decoder.tolerances(), stops)
         except JakaError as error:
@@ -110,6 +113,28 @@ class TrajectoryInterface:
             return
         self._recorder.message(name, message)
         done.add_done_callback(lambda ended: _log_end(name, ended.exception()))
+
+    @staticmethod
+    def _is_point_of_a_stream(message: JointTrajectoryMessage) -> bool:
+        """Return whether a message has one point that is due soon; some senders repeat it, which means nothing else."""
+        first = message.points[0]
+        return (first.time_from_start.to_sec() <= LONGEST_AHEAD_S
+                and all(point.positions == first.positions for point in message.points[1:]))
+
+    def _follow_point(self, message: JointTrajectoryMessage, name: str) -> None:
+        """Follow a point at once: a stream that waited for its turn would be followed late."""
+        try:
+            position, due = self._decoder.stream_point(message)
+            taken = self._arm.follow_point(position, due)
+        except JakaError as error:
+            self._point_ended(message, name, error)
+            return
+        taken.add_done_callback(lambda ended: self._point_ended(message, name, ended.exception()))
+
+    def _point_ended(self, message: JointTrajectoryMessage, name: str, error: Optional[BaseException]) -> None:
+        self._recorder.message(name, message, "" if error is None else str(error))
+        if error is not None:
+            rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
 
     def _stop_motion(self, request: genpy.Message, response: Any) -> Any:
         entry = self._recorder.call("stop_motion", request)
@@ -124,7 +149,7 @@ class TrajectoryInterface:
         return response
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
-        if not is_new or state.received_at - self._published_at < STATE_PERIOD_S - _EARLY_S:
+        if not is_new or state.received_at - self._published_at < self._decoder.params.state_period - _EARLY_S:
             return
         heard = [publisher for publisher in self._states if publisher.get_num_connections()]
         if not heard:

@@ -17,6 +17,7 @@ from jaka_ros_driver.ros.services import call_publisher
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 from jaka_ros_driver.ros.topics import motion_ends, robot_status, speed
 from jaka_ros_driver.ros.trajectories import topics
+from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 from jaka_ros_driver.state import ProgramState, RobotState
 
 STATE = RobotState((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), True, True, True, False, False)
@@ -208,7 +209,8 @@ def offered(ros, monkeypatch):
 
     def offer(**parameters):
         arm = Arm()
-        interface = topics.TrajectoryInterface(arm, DriverConfig(**parameters), lambda state: (0.5,) * 6,
+        config = DriverConfig(**parameters)
+        interface = topics.TrajectoryInterface(arm, config, controller_params(config, None), lambda state: (0.5,) * 6,
                                               Recorder(None))
         interface.offer()
         return SimpleNamespace(arm=arm, actions=actions, interface=interface, command=next(
@@ -264,7 +266,7 @@ def test_states_are_told_at_their_rate_to_who_listens(ros, offered):
     for n in range(100):
         one.arm.arrived(state(received_at=10.0 + 0.01 * n), True)
     count = len(own.messages)
-    assert count == len(feedback.messages) and 0.8 <= count * topics.STATE_PERIOD_S <= 1.1
+    assert count == len(feedback.messages) and 0.8 <= count * 0.02 <= 1.1
     assert own.messages[-1].actual.positions == pytest.approx(STATE.joint_position)
     assert own.messages[-1].desired.positions == pytest.approx(STATE.joint_position)
     assert list(own.messages[-1].actual.velocities) == [0.5] * 6

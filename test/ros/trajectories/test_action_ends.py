@@ -23,6 +23,7 @@ from jaka_ros_driver.ros.other_messages import made_type
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.trajectories import action
+from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.path import JointState
@@ -106,7 +107,7 @@ def arm():
 
 @pytest.fixture
 def server(arm):
-    decoder = TrajectoryDecoder(config_from({}))
+    decoder = TrajectoryDecoder(config_from({}), controller_params(config_from({}), None))
     return action.TrajectoryAction("controller/follow_joint_trajectory", arm, decoder, action.TurnQueue(), CallCount(),
                                    Recorder(None))
 

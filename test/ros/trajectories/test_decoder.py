@@ -11,6 +11,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from jaka_ros_driver.ros import other_messages
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.trajectories import action
+from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
@@ -20,8 +21,9 @@ AT = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 ACTION = "control_msgs/FollowJointTrajectoryAction"
 
 
-def decoder(**parameters):
-    return TrajectoryDecoder(config_from(parameters))
+def decoder(yaml=None, **parameters):
+    config = config_from(parameters)
+    return TrajectoryDecoder(config, controller_params(config, yaml))
 
 
 def message(names=NAMES, **fields):
@@ -83,8 +85,11 @@ def test_lengths_that_do_not_fit_are_refused(field, values, what):
 def test_what_is_not_specified_is_none_and_a_trajectory_without_points_is_a_stop():
     (point,) = decoder().trajectory(message()).points
     assert point.velocity is None and point.acceleration is None
-    assert decoder().trajectory(JointTrajectory()) is None
-    assert decoder().trajectory(JointTrajectory(joint_names=["elbow"])) is None
+    assert decoder().trajectory(JointTrajectory(joint_names=NAMES)) is None
+    for names in ((), ("elbow",)):  # as ros_controllers: an empty message of the topic stops, of the action it is wrong
+        assert decoder().trajectory(JointTrajectory(joint_names=names), is_goal=False) is None
+        with pytest.raises(InvalidJoints):
+            decoder().trajectory(JointTrajectory(joint_names=names))
 
 
 def test_a_stamp_is_the_moment_at_which_it_starts_and_none_means_at_once(monkeypatch):
@@ -100,7 +105,7 @@ def test_a_stamp_is_the_moment_at_which_it_starts_and_none_means_at_once(monkeyp
 
 def test_only_a_topic_may_ask_for_a_last_point_in_motion():
     assert not decoder().trajectory(message()).may_end_moving
-    assert decoder().trajectory(message(), may_end_moving=True).may_end_moving
+    assert decoder().trajectory(message(), is_goal=False).may_end_moving
 
 
 # ---- tolerances ----

@@ -194,6 +194,10 @@ class Admission:
             return False
         return self._custody.stillness.duration() >= REST_TIME_S and not self._sight.is_in_question
 
+    def is_waiting(self, request: ArmRequest) -> bool:
+        """Return whether this request waits for the arm to come to rest."""
+        return request in self._waiting
+
     def retry(self, now: float) -> None:
         """Try again to begin the waiting requests."""
         if not self._waiting:

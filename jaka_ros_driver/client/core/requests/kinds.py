@@ -13,6 +13,7 @@ from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
 from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
+from jaka_ros_driver.client.core.point_stream import PointGate, PointStream, StreamPoint
 from jaka_ros_driver.client.core.procedures.steps import Procedure
 from jaka_ros_driver.client.core.requests.admission import Admission, ArmRequest
 from jaka_ros_driver.client.core.servo import Servo
@@ -24,6 +25,7 @@ from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted,
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
+from jaka_ros_driver.trajectory.follower import require_within
 from jaka_ros_driver.trajectory.path import Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 from jaka_ros_driver.trajectory.segments import SegmentPath
@@ -269,6 +271,36 @@ class _TrajectoryRequest(_MotionRequest):
         super().check(now)
 
 
+class PointRequest(_TrajectoryRequest):
+    """The request to follow one point of a stream; a trajectory that is running is braked for it."""
+
+    def __init__(self, call: Token, arm: ArmParts, asked_at: float, stops: int, point: StreamPoint,
+                 gate: PointGate) -> None:
+        super().__init__(call, arm, asked_at, stops)
+        self.point = point
+        self._gate = gate
+
+    def audit(self) -> None:
+        require_within(self.point.position, self._arm.model)
+
+    def join(self, now: float) -> bool:
+        stream = self._arm.running(PointStream)
+        if stream is not None and not stream.is_leaving:
+            stream.take(self.point, now)
+            self._arm.actions.answer(self.call)
+            return True
+        running = self._arm.running(Trajectory)
+        if running is not None and stream is None:
+            running.cancel(None)
+        return False
+
+    def begin(self, now: float) -> None:
+        state, custody = self._state(now), self._arm.custody
+        custody.begin(PointStream(custody, self._arm.model, self._gate, self.point, state, self._arm.on_servo_mode),
+                      now)
+        self._arm.actions.answer(self.call)
+
+
 class StartRequest(_TrajectoryRequest):
     """The request for the place where a trajectory may begin: on the running one, or where the arm rests."""
 
@@ -282,6 +314,8 @@ class StartRequest(_TrajectoryRequest):
 
     def join(self, now: float) -> bool:
         running = self._arm.running(Trajectory)
+        if isinstance(running, PointStream):
+            running.cancel(None)
         if running is None or not running.can_be_joined:
             return False
         self._arm.actions.answer(self.call, running.start_after(self._lead))

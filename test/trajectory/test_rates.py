@@ -1,0 +1,127 @@
+"""Paths that pass a limit a little: slowed there on the same way, and refused from a quarter on."""
+import numpy as np
+import pytest
+from plans import ACCELERATION, HOME, MODEL, PERIOD, REST, TOP, at, build, resting, wave
+
+from jaka_ros_driver.trajectory.clock import PathClock
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThePast
+
+
+def fast(factor, spacing=0.05):
+    """Return a wave whose highest acceleration is ``factor`` times what a joint has."""
+    points = wave(spacing, duration=2.0)
+    needed = np.abs([build(points).at(t).acceleration for t in np.arange(0.0, 2.0, 0.001)]).max()
+    scale = (factor * ACCELERATION / needed) ** 0.5
+    return [type(p)(p.time / scale, p.position, tuple(v * scale for v in p.velocity)) for p in points]
+
+
+def followed(path):
+    """Return the frames of the path, rad (n, 6), and the time that they take, s."""
+    clock = PathClock(path, MODEL)
+    frames = [clock.position]
+    while not (clock.is_at_end and clock.is_still):
+        frames.append(clock.step(1.0))
+        assert len(frames) < 5000
+    return np.array(frames), (len(frames) - 2) * PERIOD
+
+
+def shares(frames):
+    """Return the largest shares of a joint's speed and acceleration."""
+    return (float(np.abs(np.diff(frames, axis=0)).max() / PERIOD / TOP),
+            float(np.abs(np.diff(frames, 2, axis=0)).max() / PERIOD ** 2 / ACCELERATION))
+
+
+@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.02])
+@pytest.mark.parametrize("factor", [1.03, 1.1, 1.2, 1.24])
+def test_a_small_overshoot_is_slowed_on_the_same_way(factor, spacing):
+    points = fast(factor, spacing)
+    with pytest.raises(InvalidTrajectory, match=r"would need -?1[2-5]\.\d+ rad/s2"):
+        build(points)
+    path = build(points, slows=True)
+    assert path.rates is not None and "would need" in path.rates.text
+    frames, duration = followed(path)
+    assert max(shares(frames)) <= 1.021
+    assert points[-1].time < duration <= points[-1].time * factor
+    assert duration == pytest.approx(points[-1].time + path.rates.delay(), abs=0.03)
+    exact = np.array([path.at(t).position for t in np.arange(0.0, path.end, 0.0005)])
+    for frame in frames[::7]:  # the way is that of the plan: only its clock is slower
+        assert np.abs(exact - frame).max(axis=1).min() < 2e-3
+
+
+def test_only_the_part_that_needs_it_is_slowed():
+    calm = wave(0.05, duration=4.0, size=0.2)
+    points = calm + [type(p)(p.time + 4.0, p.position, p.velocity) for p in fast(1.15)[1:]]
+    path = build(points, slows=True)
+    first = path.rates.stretches[0]
+    assert path.highest_rate(2.0) == float("inf") and path.highest_rate(first.until) == first.rate < 1.0
+    assert first.since - path.rates.ramp > 3.8
+    clock = PathClock(path, MODEL)
+    for _ in range(400):
+        clock.step(1.0)
+    assert clock.time == pytest.approx(3.2, abs=0.01)
+
+
+@pytest.mark.parametrize("factor", [1.3, 2.0])
+def test_a_quarter_over_a_limit_is_refused_by_joint_time_value_and_limit(factor):
+    with pytest.raises(InvalidTrajectory, match=r"joint \d would need .* rad/s2 after .* s; valid: at most 12\.5664"):
+        build(fast(factor), slows=True)
+
+
+def test_a_speed_a_little_over_the_limit_is_slowed():
+    points = [at(1.0, (1.6,), (3.3,)), at(1.5, (3.25,), (3.3,)), at(2.5, (4.85,), REST)]
+    with pytest.raises(InvalidTrajectory, match=r"joint 1 would run at 3\.\d+ rad/s"):
+        build(points)
+    frames, _ = followed(build(points, slows=True))
+    assert max(shares(frames)) <= 1.0 + 1e-6
+
+
+def test_a_position_outside_the_limits_is_never_slowed_but_refused():
+    with pytest.raises(InvalidTrajectory, match="joint 2 would be at"):
+        build([at(4.0, (0.0, 3.1), REST)], slows=True)
+
+
+def test_a_slowed_path_keeps_its_limits_at_other_speeds_and_when_it_is_stopped():
+    path = build(fast(1.2), slows=True)
+    for wanted in (0.95, 0.5, 1.05):
+        clock = PathClock(path, MODEL)
+        frames = [clock.position]
+        for cycle in range(900):
+            frames.append(clock.step(0.0 if 60 <= cycle < 120 else wanted))
+        assert clock.is_at_end and max(shares(np.array(frames))) <= 1.021
+
+
+# ---- a stamp in the past ----
+
+PLAN = [at(0.0, (0.0,), REST), at(1.0, (0.5,), REST), at(2.0, (1.0,), REST)]
+
+
+@pytest.mark.parametrize("elapsed", [0.1, 0.15, 0.5, 0.99])
+def test_an_arm_at_the_first_point_of_a_late_plan_follows_the_whole_of_it(elapsed):
+    with pytest.raises(TrajectoryOfThePast, match=r"%.3f s ago \(header.stamp\).* still at its first" % elapsed):
+        build(PLAN, elapsed=elapsed)
+    path, plan = build(PLAN, elapsed=elapsed, late=1.0), build(PLAN)
+    assert (path.begin, path.end) == (0.0, 2.0)
+    for time in (0.0, 0.3, 1.0, 1.7, 2.0):
+        assert path.at(time).position == pytest.approx(plan.at(time).position, abs=1e-9)
+
+
+def test_an_arm_that_is_where_the_plan_would_be_now_joins_it_there():
+    path = build(PLAN, resting(0.25), elapsed=0.5, late=1.0)
+    assert path.begin == 0.5
+
+
+def test_too_late_and_elsewhere_are_told_apart():
+    with pytest.raises(TrajectoryOfThePast, match=r"1\.200 s ago .*at most 1 s late is taken \(late_stamp\)"):
+        build(PLAN, elapsed=1.2, late=1.0)
+    with pytest.raises(InvalidTrajectory, match=r"begins 0\.1000 rad from where joint 1 is"):
+        build(PLAN, resting(-0.1), elapsed=0.5, late=1.0)
+
+
+# ---- goals for some of the joints ----
+
+def test_joints_that_are_not_named_are_held_where_they_are():
+    points = [at(1.0, (0.3, 9.0, 9.0), REST), at(2.0, (0.1, 9.0, 9.0), REST)]
+    path = build(points, resting(0.0, 0.2, -0.1), held=(1, 2))
+    for time in (0.0, 0.7, 1.0, 2.0):
+        assert path.at(time).position[1:3] == pytest.approx((HOME[1] + 0.2, HOME[2] - 0.1))
+    assert path.at(1.0).position[0] == pytest.approx(HOME[0] + 0.3)
