@@ -116,7 +116,8 @@ MALFORMED = {
     "straight and far too fast": (lambda: goal_of([point(0.1, [q + 1.0 for q in START])]), INVALID_GOAL),
     "times that stand still": (lambda: goal_of([_far(1.0), _far(1.0, way=0.2)]), INVALID_GOAL),
     "times that fall": (lambda: goal_of([_far(2.0), _far(1.0, way=0.2)]), INVALID_GOAL),
-    "a negative time": (lambda: goal_of([point(-1.0, START, REST), _far(1.0)]), INVALID_GOAL),
+    "only a negative time": (lambda: goal_of([point(-1.0, START, REST)]), INVALID_GOAL),
+    "no points and no names": (lambda: goal_of([], []), INVALID_JOINTS),
     "longer than a day": (lambda: goal_of([_far(1e6)]), INVALID_GOAL),
     "it begins elsewhere": (lambda: goal_of([_far(0.0, way=0.05), _far(1.0)]), INVALID_GOAL),
     "its last point moves": (lambda: goal_of([_far(1.0, velocities=[0.5] * 6)]), INVALID_GOAL),
@@ -270,6 +271,57 @@ def test_tolerances_of_the_goal_hold(arm, client):
     assert (state, result.error_code) == ("ABORTED", GOAL) and "joint 1" in result.error_string
 
 
+# ---- what clocks and other planners make of a goal ----
+
+@pytest.mark.parametrize("late", [0.1, 0.15, 0.8])
+def test_a_plan_whose_stamp_is_late_is_followed_as_a_whole(arm, client, log_file, late):
+    since = now()
+    stamp = rospy.Time.now() - rospy.Duration.from_sec(late)
+    state, result = client.run(goal_of(smooth(0.8, 2.0, 0.05), stamp=stamp))
+    assert (state, result.error_code) == ("SUCCEEDED", 0), result.error_string
+    path = moving(all_frames(log_file, since))
+    assert path[0][1] == pytest.approx(START, abs=1e-6)
+    for _, joints in path:  # on the straight line in joint space that the plan is
+        way = joints[0] - START[0]
+        assert joints[1:] == pytest.approx([q + way / (n + 2) for n, q in enumerate(START[1:])], abs=2e-6)
+
+
+def test_a_stamp_that_is_too_old_is_named_as_the_cause(arm, client):
+    stamp = rospy.Time.now() - rospy.Duration.from_sec(1.6)
+    state, result = client.run(goal_of(smooth(0.8, 2.0, 0.05), stamp=stamp))
+    assert (state, result.error_code) == ("REJECTED", OLD) and "header.stamp" in result.error_string
+
+
+def test_a_plan_that_needs_a_little_more_than_there_is_takes_a_little_longer(arm, client, log_file):
+    since, plan = now(), smooth(0.9, 0.62, 0.02)  # 13.5 rad/s2 for joint 1
+    state, result = client.run(goal_of(plan))
+    assert (state, result.error_code) == ("SUCCEEDED", 0), result.error_string
+    path = moving(all_frames(log_file, since))
+    assert largest_acceleration(path) < LIMIT * 1.05
+    assert path[-1][1] == pytest.approx(plan[-1].positions, abs=1e-6)
+
+
+@pytest.mark.parametrize("first", ["cancel", "goal"])
+def test_a_goal_and_a_cancel_in_one_instant_are_both_served(arm, client, first):
+    one = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
+    assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
+    if first == "cancel":
+        one.cancel()
+    other_goal = client.send(goal_of([point(1.5, [q + 0.2 for q in START], REST)]))
+    if first == "goal":
+        one.cancel()
+    assert client.end(one)[0] == "PREEMPTED"
+    state, result = client.end(other_goal)
+    assert state == "SUCCEEDED", result.error_string
+    assert [math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(
+        [q + 0.2 for q in START], abs=1e-4)
+
+
+def test_points_of_negative_time_are_past(arm, client):
+    state, result = client.run(goal_of([point(-0.1, [q + 1.0 for q in START], REST), _far(1.0, way=0.1)]))
+    assert state == "SUCCEEDED", result.error_string
+
+
 # ---- speed ----
 
 def test_speed_changes_and_pauses_leave_path_and_limits_as_they_are(arm, client, log_file):
@@ -330,6 +382,90 @@ def test_the_command_topic_moves_the_arm_and_an_empty_one_stops_it(arm, log_file
     publisher.publish(trajectory([]))
     assert eventually(lambda: not arm.simulator.is_moving() and not arm.simulator.state()["is_servo_active"])
     assert [math.radians(q) for q in arm.simulator.state()["joint_position"]] != pytest.approx(START, abs=1e-3)
+
+
+def stream(publisher, rate, periods, seconds, place, until=lambda: False):
+    """Publish single points as MoveIt Servo does, stamped 0, each so many periods ahead; return the last positions."""
+    begun, sent = now(), 0
+    positions = START
+    while now() - begun < seconds and not until():
+        ahead = periods / rate
+        positions = [q + place(sent / rate + ahead) for q in START]
+        publisher.publish(trajectory([point(ahead, positions)]))
+        sent += 1
+        time.sleep(max(0.0, begun + sent / rate - now()))  # the rate of a stream
+    return positions
+
+
+def sway(seconds):
+    return 0.15 * (1.0 - math.cos(2.0 * seconds))
+
+
+@pytest.fixture
+def command(arm):
+    publisher = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
+    assert eventually(lambda: publisher.get_num_connections())
+    yield publisher
+    publisher.unregister()
+
+
+@pytest.mark.parametrize("rate, periods", [(30, 1.02), (10, 3), (125, 1)])
+def test_points_as_moveit_servo_publishes_them_are_followed_and_the_last_one_is_held(
+        arm, command, log_file, rate, periods):
+    since = now()
+    last = stream(command, rate, periods, 3.0, sway)
+    assert eventually(lambda: not arm.simulator.state()["is_servo_active"])
+    assert [math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(last, abs=1e-4)
+    path = all_frames(log_file, since)
+    assert max(joints[0] - START[0] for _, joints in path) > 0.2  # it swung, and back
+    assert largest_acceleration(path) < LIMIT * 1.05
+    assert len(WireVerdict(log_file).times_of("servo_move", since)) == 2
+
+
+def test_a_stream_that_was_stopped_is_taken_again_only_after_a_pause(arm, command, log_file):
+    stopped = []
+
+    def stop():
+        time.sleep(1.0)  # in the middle of the stream
+        arm.call("stop_move")
+        stopped.append(now())
+    stopper = threading.Thread(target=stop)
+    stopper.start()
+    stream(command, 30, 1.02, 4.0, sway)
+    stopper.join()
+    assert eventually(lambda: not arm.simulator.is_moving())
+    assert [at for at, _ in frames(log_file, stopped[0]) if at > stopped[0] + 0.3] == []
+    time.sleep(0.6)  # the pause that makes it another stream
+    place = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
+    command.publish(trajectory([point(0.1, [q + 0.01 for q in place])]))
+    assert eventually(lambda: [math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(
+        [q + 0.01 for q in place], abs=1e-4))
+    assert eventually(lambda: not arm.simulator.state()["is_servo_active"])
+
+
+def test_an_empty_message_ends_a_stream_and_a_goal_replaces_one(arm, command, client, log_file):
+    streamed = threading.Thread(target=stream, args=(command, 30, 1.02, 3.0, sway))
+    streamed.start()
+    assert eventually(arm.simulator.is_moving)
+    state, result = client.run(goal_of([point(2.0, START, REST)]))
+    streamed.join()
+    assert state == "SUCCEEDED", result.error_string
+    assert [math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(START, abs=1e-4)
+    time.sleep(0.6)  # the pause that makes it another stream
+    streamed = threading.Thread(target=stream, args=(command, 30, 1.02, 1.5, sway))
+    streamed.start()
+    assert eventually(arm.simulator.is_moving)
+    command.publish(trajectory([]))
+    assert eventually(lambda: not arm.simulator.state()["is_servo_active"])
+    streamed.join()
+    assert not arm.simulator.is_moving()
+
+
+def test_a_jump_on_the_topic_moves_nothing(arm, command, log_file):
+    since = now()
+    command.publish(trajectory([point(0.034, [q + 0.5 for q in START])]))
+    time.sleep(1.0)  # what must not come has no other sign
+    assert len({joints for _, joints in map(lambda f: (f[0], tuple(f[1])), frames(log_file, since))}) <= 1
 
 
 def test_a_stream_of_short_trajectories_is_followed_without_a_halt(arm, log_file):
