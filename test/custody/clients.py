@@ -1,10 +1,13 @@
 """The clients of the driver: each like a program behind the ROS interface that knows only what the driver published."""
+import math
+import random
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
@@ -361,6 +364,29 @@ class Clients:
             core.actions.answer(call, None, error)
         if not self.are_gone:
             self._driver.call(Call("jog_message", (source, stamp, speed), give))
+
+    def point_stream(self, caller: int, rate: float, ahead: float, jitter: float, duration: float, speed: float,
+                     axis: int, turns: bool, chance: int) -> None:
+        """Publish single points along one joint, each so many periods ahead, whatever becomes of them."""
+        random_of, began, joints = random.Random(chance), self._clock.now, self._joints()
+        low, high = self._model.joint_limits[axis]
+
+        def point(number: int) -> None:
+            way = speed * (number + ahead) / rate
+            if turns:
+                way = 0.2 * math.copysign(1.0, speed) * (1.0 - math.cos(way / 0.2))
+            position = _added(joints, _six(axis, way))
+            position = position[:axis] + (min(max(position[axis], low), high),) + position[axis + 1:]
+            late = random_of.uniform(0.0, jitter) / rate
+            self._clock.after(late, lambda: self._point(StreamPoint(position, self._clock.now + ahead / rate)))
+            if not self.are_gone and self._clock.now - began < duration:
+                self._clock.after(1.0 / rate, lambda: point(number + 1))
+        point(1)
+
+    def _point(self, point: StreamPoint) -> None:
+        if not self.are_gone:
+            self._driver.call(Call("point", point, lambda core, call, now: core.follow_point(
+                call, point, core.stops, now)))
 
     def servo_stream(self, caller: int, is_pose: bool, relative: bool, rate: float, duration: float, speed: float,
                      form: str, axis: int, on_end: Callable[[], None] = lambda: None) -> None:

@@ -299,6 +299,23 @@ class PausesNothing(Wrapped):
             self.good.run(call, procedure, now, exclusive)
 
 
+class ResumesStreams(Wrapped):
+    """A stream of points that is taken again at once after it was ended."""
+
+    def follow_point(self, call: Any, point: Any, stops: int, now: float) -> None:
+        self.good._point_gate._closed_by = ""
+        self.good.follow_point(call, point, stops, now)
+
+
+class PassesLastPoint(Wrapped):
+    """A stream of points that is followed beyond its last one."""
+
+    def follow_point(self, call: Any, point: Any, stops: int, now: float) -> None:
+        start = self.good.state.joint_position if self.good.state is not None else point.position
+        farther = tuple([p + 0.1 * (p - s) for p, s in zip(point.position, start)])
+        self.good.follow_point(call, point._replace(position=farther), stops, now)
+
+
 class KeepsHold(Wrapped):
     """A velocity jog whose last message counts for ever."""
 

@@ -26,9 +26,11 @@ from core_defects import (
     LeavesSegmentsOut,
     NeedsNoRest,
     NeverFree,
+    PassesLastPoint,
     PausesNothing,
     PowersAgain,
     Raises,
+    ResumesStreams,
     SendsAgain,
     SendsWithoutLink,
     ShowsOldAsNew,
@@ -39,6 +41,7 @@ from core_defects import (
     TalksToStrangers,
     Wrapped,
 )
+from generator import LATER
 from sent_rules import requests_in
 
 from jaka_ros_driver.client.core.actions import Close, Open, Port, PublishState, Send
@@ -265,5 +268,6 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"), Defect(RecoversTwice, "recovery"),
     Defect(LeavesMoving, "goodbye", "state"), Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
     Defect(ForgetsLeft, "left", "a h"),
+    Defect(ResumesStreams, "stream", first=LATER), Defect(PassesLastPoint, "stream", first=LATER),
     Defect(BlindGuard, "guard", is_guard=True, first=130),
     Defect(GuardStopsOnce, "guard", is_guard=True, first=320))

@@ -158,6 +158,17 @@ def _velocity_jog(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         "rate": chance.choice((10.0, 20.0, 50.0)), "duration": chance.choice((0.05, 0.5, 1.5)),
         "end": chance.choice(("rest", "silence", "frozen", "nonsense", "second", "stalled", "held")),
         "says_rest": chance.random() < 0.9}
+
+
+def _point_stream(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """Draw a stream of single points along one joint, as MoveIt Servo or a joystick sends them."""
+    return "point_stream", {
+        "rate": chance.choice((10.0, 30.0, 30.0, 100.0)), "ahead": chance.choice((1.0, 1.0, 2.0, 3.0)),
+        "jitter": chance.choice((0.0, 0.0, 1.0)), "duration": chance.choice((0.05, 0.5, 2.0, 4.0)),
+        "speed": _log_uniform(chance, 0.02, 1.0) * chance.choice((-1.0, 1.0)), "axis": chance.randrange(6),
+        "turns": chance.random() < 0.5, "chance": chance.randrange(1000)}
+
+
 def _path(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
     """Draw segments around the last published place; the blend radii are mostly allowed."""
     return "path", {
@@ -202,6 +213,11 @@ CALLS: _Weighted = (
     (0.5, _procedure("hand_guiding", True, False, False)),
     (0.3, _procedure("tool_frame", 1, 2)), (0.3, _procedure("user_frame", 1, 2)), (0.3, _procedure("payload", 1.0)),
     (0.3, _procedure("query", None)))
+
+
+LATER_CALLS: _Weighted = ((6.0, _point_stream),)
+LATER = 1_000_000
+"""The first seed that draws ``LATER_CALLS``: those that are run with every change never change themselves."""
 
 
 # ---- what goes wrong ----
@@ -295,7 +311,7 @@ def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
         return min(5.0, max(map(abs, args["shift"])) / args["speed"] + 0.5)
     if kind == "servo_session":
         return float(args["duration"]) + 1.0
-    if kind == "velocity_jog":
+    if kind in ("velocity_jog", "point_stream"):
         return float(args["duration"]) + 2.0
     if kind == "trajectory":
         return float(args["first_at"]) + float(args["apart"]) * len(args["ways"]) + 0.5
@@ -349,7 +365,7 @@ def generate(seed: int) -> Scenario:
     chance = random.Random(seed)
     length = chance.choice((8.0, 15.0, 25.0, 40.0))
     events: List[Event] = []
-    favourites = list(CALLS)
+    favourites = list(CALLS) + (list(LATER_CALLS) if seed >= LATER else [])
     for _ in range(3):  # each seed has its taste: some jog most of the time, some stream, some stop
         index = chance.randrange(len(favourites))
         favourites[index] = (favourites[index][0] * chance.choice((0.0, 3.0, 8.0)) + 0.01, favourites[index][1])

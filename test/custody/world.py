@@ -280,6 +280,9 @@ class World:
     def do_trajectory(self, caller: int, **args: Any) -> None:
         self._clients.trajectory(caller, **args)
 
+    def do_point_stream(self, caller: int, **args: Any) -> None:
+        self._clients.point_stream(caller, **args)
+
     def do_velocity_jog(self, caller: int, **args: Any) -> None:
         self._clients.velocity_jog(caller, **args)
     def do_path(self, caller: int, **args: Any) -> None:

@@ -11,6 +11,7 @@ from controller_room import STREAMED, ControllerRoom, is_motion
 from driver_process import Call
 from jog_rules import JogRules
 from path_rules import sent_for_path
+from point_rules import PointRules
 from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken, Verdicts
 
@@ -101,6 +102,7 @@ class SentRules:
         self._judged_from = 0.0
         self.trajectory = TrajectoryRules()
         self.jog = JogRules(lateness)
+        self.points = PointRules()
         self.asking: Optional[Call] = None
 
     # ---- what happens ----
@@ -115,6 +117,7 @@ class SentRules:
         if call.kind == "stop":
             self.last_stop = call.number
             self._recovery = -1  # a stop ends it
+            self.points.disturbed()
         elif call.command == ("power", True):
             self._power_wish["power_on"] = self._orders
         elif call.command == ("enable", True):
@@ -131,6 +134,7 @@ class SentRules:
         A link that is lost before auto_enable has begun to act does not count: it waits for the first sight of the arm.
         """
         goes_on = is_standing and self._recovery > self._alarm
+        self.points.disturbed()
         self._orders += 1
         self._alarm = self._orders
         if goes_on:
@@ -228,13 +232,15 @@ class SentRules:
         elif name == "jog":
             self._wished(name, now, lambda call: isinstance(call.command, c.Jog) and _is_jog(call.command, request))
         elif name == "servo_move":
-            self._wished(name, now, lambda call: call.kind == "trajectory" or (
+            asked = self._wished(name, now, lambda call: call.kind in ("trajectory", "point") or (
                 call.kind == "servo_mode" and call.command is True))
             self._enters_servo_mode(None)
+            self.points.begin(asked.kind == "point", now)
         else:
             self._servo_frame(name, request, now)
 
     def _enters_servo_mode(self, jog_message: Optional[Call]) -> None:
+        self.points.is_running = False
         if jog_message is not None:
             self.last_motion = jog_message.number
         self._servo_call = self.last_motion
@@ -242,15 +248,15 @@ class SentRules:
         self.trajectory.begin()
         self._kind, self._is_target_known = "", True
 
-    def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> None:
-        """Judge that an unanswered call asks for this motion, after the last stop, and that nothing is sent twice."""
+    def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> Call:
+        """Return the unanswered call that asks for this motion, after the last stop; nothing is sent twice."""
         for call in self.open_calls.values():
             if not call.was_sent and asks(call):
                 if (call if call.asked is None else call.asked).number < self.last_stop:
                     raise RuleBroken("b", now, "%s was asked for before the stop, and is sent after it" % call)
                 call.was_sent = True
                 self.last_motion = call.number
-                return
+                return call
         raise RuleBroken("b", now, "%s is sent, and no call that is not answered yet asks for it" % name)
 
     def _within_limits(self, name: str, joints: Sequence[float], now: float) -> None:
@@ -272,6 +278,7 @@ class SentRules:
             values: Tuple[float, ...] = all_deg_to_rad(request["jointPosition"])
             self._joint_frame(values, int(request.get("stepNum", 1)), now)
             self.jog.sends(values, self._judged_from, now)
+            self.points.sends(values, now)
         else:
             wire = request["catPosition"]
             values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))

@@ -21,6 +21,7 @@ RULES: Dict[str, str] = {
     "q": "a path's segments are run in order, each once, and reported truly",
     "r": "a program that the driver began runs in its custody only",
     "t": "a trajectory's frames are on its path, and smooth",
+    "stream": "a stream of points is followed smoothly, no farther than its points, and not resumed without a pause",
     "v": "a velocity jog begins after a message of rest, and rests 0.3 s after its last message that counts",
     "age": "a state that is shown as new is at most 0.8 s old, on a link slower than the feed, too",
     "late": "a motion that has not begun 1 s after it was accepted is stopped",

@@ -19,7 +19,7 @@ from jaka_ros_driver.client.core.requests.admission import Admission, ArmRequest
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.stops import CarryOut, Stops
-from jaka_ros_driver.client.core.streaming import OnMode
+from jaka_ros_driver.client.core.streaming import OnMode, commanded_joints
 from jaka_ros_driver.client.core.trajectory import Goal, Trajectory, TrajectoryStart, require_start, start_at_rest
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics import limits
@@ -296,6 +296,7 @@ class PointRequest(_TrajectoryRequest):
 
     def begin(self, now: float) -> None:
         state, custody = self._state(now), self._arm.custody
+        require_within(commanded_joints(state), self._arm.model)
         custody.begin(PointStream(custody, self._arm.model, self._gate, self.point, state, self._arm.on_servo_mode),
                       now)
         self._arm.actions.answer(self.call)
