@@ -108,6 +108,38 @@ def test_only_a_topic_may_ask_for_a_last_point_in_motion():
     assert decoder().trajectory(message(), is_goal=False).may_end_moving
 
 
+def test_a_goal_for_some_joints_is_taken_only_where_the_cell_allows_it():
+    some = message(["joint_5", "joint_2"], positions=[0.5, 0.2], velocities=[5.0, 2.0])
+    with pytest.raises(InvalidJoints, match="joint_names lacks joint_1, joint_3, joint_4, joint_6"):
+        decoder().trajectory(some)
+    found = decoder({"allow_partial_joints_goal": True}).trajectory(some)
+    assert found.held == (0, 2, 3, 5)
+    assert found.points[0].position[1] == 0.2 and found.points[0].velocity[4] == 5.0
+    with pytest.raises(InvalidJoints):
+        decoder({"allow_partial_joints_goal": True}).trajectory(message([]))
+
+
+def test_points_of_negative_time_are_left_out():
+    sent = message()
+    sent.points.insert(0, JointTrajectoryPoint(positions=AT, time_from_start=rospy.Duration.from_sec(-0.1)))
+    assert [point.time for point in decoder().trajectory(sent).points] == [2.0]
+
+
+def test_a_point_of_a_stream_is_due_soon(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    sent = message(time_from_start=rospy.Duration.from_sec(0.034))
+    asked_at = time.monotonic()
+    position, due = decoder().stream_point(sent)
+    assert position == AT and asked_at + 0.034 <= due <= time.monotonic() + 0.034
+    for stamp, what in ((-1.5, "is due in -1.4"), (1.0, "is due in 1.0")):
+        sent.header.stamp = rospy.Time.now() + rospy.Duration.from_sec(stamp)
+        with pytest.raises(InvalidTrajectory, match=what):
+            decoder().stream_point(sent)
+    for wrong in ({"positions": AT[:5]}, {"positions": (math.nan,) * 6}):
+        with pytest.raises(InvalidTrajectory):
+            decoder().stream_point(message(time_from_start=rospy.Duration.from_sec(0.034), **wrong))
+
+
 # ---- tolerances ----
 
 def test_without_tolerances_those_of_the_parameters_hold():

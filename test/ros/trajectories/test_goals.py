@@ -202,6 +202,37 @@ def test_a_new_goal_replaces_the_one_under_way_and_the_arm_never_stops_for_it(ar
     assert len(client.ends) == 2
 
 
+def rests_at(arm, way):
+    return eventually(lambda: not arm.simulator.state()["is_servo_active"]) and [
+        math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(
+            [q + way for q in START], abs=1e-4)
+
+
+def test_topic_and_action_replace_each_other(arm, client, command):
+    goal = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
+    assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
+    command.publish(trajectory([point(1.0, [q + 0.3 for q in START], REST)]))
+    assert client.end(goal)[0] == "PREEMPTED" and rests_at(arm, 0.3)
+    command.publish(trajectory([point(2.0, START, REST)]))
+    assert eventually(arm.simulator.is_moving)
+    assert client.run(goal_of([point(1.5, [q + 0.1 for q in START], REST)]))[0] == "SUCCEEDED" and rests_at(arm, 0.1)
+
+
+def test_an_empty_message_preempts_a_goal(arm, client, command):
+    goal = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
+    assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
+    command.publish(trajectory([]))
+    assert client.end(goal)[0] == "PREEMPTED" and not arm.simulator.is_moving()
+
+
+def test_an_old_goal_is_rejected_and_the_running_one_goes_on(arm, client):
+    running = client.send(goal_of(smooth(0.8, 2.0, 0.05)))
+    assert eventually(lambda: client.feedback)
+    state, result = client.run(goal_of([_far(1.0)], stamp=rospy.Time.now() - rospy.Duration.from_sec(1.0)))
+    assert (state, result.error_code) == ("REJECTED", OLD)
+    assert client.end(running)[0] == "SUCCEEDED"
+
+
 def test_an_empty_goal_ends_what_is_under_way_and_succeeds_at_rest(arm, client):
     first = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
     assert eventually(lambda: client.feedback)
