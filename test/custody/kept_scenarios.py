@@ -380,6 +380,14 @@ KEPT: Dict[str, Scenario] = {
         length=40.0, settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.9, link_loss_stop=0.3),
         dialect={"inpos": "never"}, firmware="1.7.2", start="enabled", latency=(0.0005, 0.005), lateness=0.0,
         has_guard=False, ends="close", seed=3735436829),
+    "a stream whose points waited for the arm to rest counted as paused, and went on after a stop": _scenario(
+        (0.4, "trajectory", {"ways": ((0.3, 0.1, -0.1, 0.0, 0.2, 0.1),), "apart": 0.6, "first_at": 1.0, "form": "rest",
+                             "delay": 0.0, "build_time": 0.0, "lead": 0.016, "then": "", "then_after": 0.0,
+                             "caller": 1}),
+        (0.97, "point_stream", {"rate": 30.0, "ahead": 2.0, "jitter": 0.0, "duration": 2.0, "speed": -0.9, "axis": 3,
+                                "turns": False, "chance": 912, "caller": 2}),
+        (1.48, "stop", {"caller": 9}), settings=dict(_SETTINGS, reply_timeout=0.4),
+        dialect={"servo_leave_delay": 0.1, "shortest_feed_period": 0.1}),
 }
 AWAITED: Dict[str, Scenario] = {
     "pause on a slow link": _scenario(

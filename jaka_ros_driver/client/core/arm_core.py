@@ -379,23 +379,22 @@ class ArmCore:
         A point that waits for the arm to come to rest is replaced by the next one. Errors: InvalidCommand (also: the
         stream was ended, and must pause first), ConnectionLost, MotionInterrupted (a newer point came, or a stop).
         """
-        waiting = self._point
-        if waiting is not None and self._admission.is_waiting(waiting):
-            self.actions.answer(waiting.call, None, MotionInterrupted(StopCause.REPLACED))
-            waiting.call, waiting.point = call, point
-            return
-        request = PointRequest(call, self._arm, now, stops, point, self._point_gate)
+        request, waiting = PointRequest(call, self._arm, now, stops, point, self._point_gate), self._point
         self.links.note_time(now)
         try:
-            self._point_gate.pass_through(now)
+            self._point_gate.pass_through(now)  # of each point, or one that waits would count as a pause
             if self._is_closing:
                 raise ConnectionLost("the driver is shutting down")
             request.audit()
+            if waiting is not None and self._admission.is_waiting(waiting):
+                self.actions.answer(waiting.call, None, MotionInterrupted(StopCause.REPLACED))
+                waiting.call, waiting.point = call, point
+                return
+            self._point = request
             request.enter(now)
         except JakaError as error:
             self._point_gate.close(str(error))
             self.actions.answer(call, None, error)
-        self._point = request
 
     def cancel_trajectory(self, call: Token, now: float) -> bool:
         """Brake the trajectory that answers ``call`` (None: any) on its path; return False where it does not run."""
