@@ -7,6 +7,7 @@ corners   points without velocities: straight lines, rounded where the speed cha
 build     the way from the arm's position onto the path
 audit     the check of it all against the arm's limits
 rates     lower rates of the clock where a path passes a limit by a little
+follower  streams of single points, within the limits of the joints
 segments  paths of joint motions, lines and arcs that the controller runs: their audit, the arm's progress on them
 clock     one step each cycle: speed scaling, pause and stop stay on the path and within the limits
 """

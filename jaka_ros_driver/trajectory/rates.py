@@ -23,7 +23,7 @@ Array = Any
 """A numpy array, as in ``path``."""
 
 
-class Stretch(NamedTuple):
+class SlowPart(NamedTuple):
     """A part of a path, from and until s, and the rate of the clock on it, 0 to 1."""
 
     since: float
@@ -40,7 +40,7 @@ class Rates:
         text: What is slowed, in words.
     """
 
-    def __init__(self, stretches: Sequence[Stretch], ramp: float, text: str) -> None:
+    def __init__(self, stretches: Sequence[SlowPart], ramp: float, text: str) -> None:
         self.stretches, self.ramp, self.text = list(stretches), ramp, text
         self._begins = [stretch.since - ramp for stretch in stretches]
 
@@ -73,7 +73,7 @@ class Overshoots:
     """The places where a path passes limits by less than ``LARGEST_OVERSHOOT``."""
 
     def __init__(self) -> None:
-        self._stretches: List[Stretch] = []
+        self._stretches: List[SlowPart] = []
         self._worst: Tuple[float, str] = (1.0, "")
 
     def __bool__(self) -> bool:
@@ -82,7 +82,7 @@ class Overshoots:
     def add(self, since: Array, until: Array, rates: Array, text: str) -> None:
         """Add stretches: begins and ends, s, and the rates that keep the limit, (m,) each; ``text`` tells the worst."""
         rates = rates * _ROOM
-        self._stretches += [Stretch(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
+        self._stretches += [SlowPart(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
         self._worst = min(self._worst, (float(rates.min()), text))
 
     def rates(self, begin: float, end: float, share: Callable[[Rates], float]) -> Optional[Rates]:
@@ -95,7 +95,7 @@ class Overshoots:
         """
         lowest = min([stretch.rate for stretch in self._stretches])
         plans = [(ramp, _merged(self._stretches, ramp)) for ramp in _RAMPS_S]
-        for ramp, stretches in [*plans, (_STEP_S, [Stretch(begin, end, lowest)])]:
+        for ramp, stretches in [*plans, (_STEP_S, [SlowPart(begin, end, lowest)])]:
             for _ in range(_TRIES):
                 found = Rates(stretches, ramp, self._worst[1])
                 needed = share(found)
@@ -105,13 +105,13 @@ class Overshoots:
         return None
 
 
-def _merged(stretches: Sequence[Stretch], ramp: float) -> List[Stretch]:
+def _merged(stretches: Sequence[SlowPart], ramp: float) -> List[SlowPart]:
     """Return the stretches in order, those as one whose ramps would touch."""
-    found: List[Stretch] = []
+    found: List[SlowPart] = []
     for stretch in sorted(stretches):
         if found and stretch.since - found[-1].until < 2.0 * ramp:
             last = found[-1]
-            found[-1] = Stretch(last.since, max(last.until, stretch.until), min(last.rate, stretch.rate))
+            found[-1] = SlowPart(last.since, max(last.until, stretch.until), min(last.rate, stretch.rate))
         else:
             found.append(stretch)
     return found

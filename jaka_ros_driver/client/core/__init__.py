@@ -22,6 +22,7 @@ foreign_motion  a motion that a dead driver left, and an arm that moves in nobod
 streaming       the base class of motions in servo mode: entered, one frame a cycle, left
 servo           servo mode for a client that streams targets
 trajectory      a joint trajectory, streamed along its audited path
+point_stream    a stream of single trajectory points, and its gate
 velocity_jog    a jog that lasts while fresh messages come: dead-man, ramp, motion
 planned         motions that the controller plans as a whole: paths of several segments, programs of its own
 procedures      sequences of several requests, as generators: session, power, settings

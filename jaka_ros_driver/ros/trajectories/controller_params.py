@@ -29,7 +29,7 @@ Tolerances = Tuple[Optional[float], ...]
 
 
 class ControllerParams(NamedTuple):
-    """What holds for goals that name nothing else.
+    """The values that hold for goals that name nothing else.
 
     Attributes:
         path: Tolerance on the way of each joint, rad (6,); None: not watched.
