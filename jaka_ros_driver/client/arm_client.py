@@ -22,12 +22,14 @@ from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgr
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.client.guard import Guard
+from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 _LOG = logging.getLogger(__name__)
@@ -48,18 +50,6 @@ _LONGEST_LEAD_S = 1.0
 
 StateListener = Callable[[RobotState, bool], None]
 CustodyListener = Callable[[NotifyGuard], None]
-
-
-class LoopTask:
-    """A periodic task of the client's thread; see ``ArmClient.add_task``."""
-
-    def due(self) -> Optional[float]:
-        """Return when ``run`` is due, monotonic time, s; None while it is not."""
-        raise NotImplementedError
-
-    def run(self, now: float) -> None:
-        """Run the task. It must not block."""
-        raise NotImplementedError
 
 
 class ArmClient:
@@ -444,6 +434,17 @@ class ArmClient:
         """The progress of the running trajectory; None without one."""
         with self._lock:
             return self._core.trajectory
+
+    def desired_at(self, at: float) -> Optional[JointState]:
+        """Return where the running trajectory wants the joints at this moment, monotonic s; None without one.
+
+        A later moment assumes that the trajectory keeps its present rate (speed override, pause).
+
+        Raises:
+            InvalidCommand: The arm was not on it then.
+        """
+        with self._lock:
+            return self._core.desired_at(at)
 
     def stop(self) -> None:
         """Stop all motion, queued motion and programs, and leave servo mode.

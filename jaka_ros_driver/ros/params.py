@@ -206,6 +206,10 @@ class DriverConfig:
     industrial_names: bool = _flag(False, "Trajectories are taken under the names of ROS-Industrial, too. They are "
                                           "joint_trajectory_action, joint_path_command, feedback_states and "
                                           "stop_motion.")
+    controller_manager: bool = _flag(
+        False, "Offer the names of ros_control's controller_manager beside the trajectory controller. Programs such as "
+        "rqt_joint_trajectory_controller find it there. Not where one of the names is served already, and not meant "
+        "for a namespace in which a real controller_manager is started.")
     trajectory_start_tolerance: float = _number(
         _CLIENT.trajectory_start_tolerance, 0.0001, 1.0, "rad",
         "A trajectory is refused where the arm is farther from its first point.")

@@ -21,6 +21,7 @@ stops           the stop of this driver's motion, and of an arm that somebody el
 foreign_motion  a motion that a dead driver left, and an arm that moves in nobody's custody
 streaming       the base class of motions in servo mode: entered, one frame a cycle, left
 servo           servo mode for a client that streams targets
+clock_trace     the times on a path at which its clock stood
 trajectory      a joint trajectory, streamed along its audited path
 velocity_jog    a jog that lasts while fresh messages come: dead-man, ramp, motion
 planned         motions that the controller plans as a whole: paths of several segments, programs of its own
