@@ -438,10 +438,7 @@ class ArmClient:
     def desired_at(self, at: float) -> Optional[JointState]:
         """Return where the running trajectory wants the joints at this moment, monotonic s; None without one.
 
-        A later moment assumes that the trajectory keeps its present rate (speed override, pause).
-
-        Raises:
-            InvalidCommand: The arm was not on it then.
+        A later moment assumes the present rate (speed override, pause). Raises InvalidCommand as the core does.
         """
         with self._lock:
             return self._core.desired_at(at)

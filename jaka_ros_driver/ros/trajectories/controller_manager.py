@@ -4,11 +4,8 @@ Clients look for them beside a trajectory controller: rqt_joint_trajectory_contr
 MoveIt's moveit_ros_control_interface finds the action by them. Nothing here moves, stops or energises the arm.
 """
 import logging
-import socket
 from typing import Any, Callable, List, NamedTuple, Optional, Sequence
-from urllib.parse import urlsplit
 
-import rosgraph
 import rospy
 
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -17,6 +14,7 @@ from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type, old_switch_type, service_type
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
+from jaka_ros_driver.ros.start_checks import server_of
 
 _LOG = logging.getLogger(__name__)
 
@@ -25,7 +23,6 @@ CONTROLLER_TYPE = "position_controllers/JointTrajectoryController"
 _INTERFACE = "hardware_interface::PositionJointInterface"
 _BASE_CLASS = "controller_interface::ControllerBase"
 _STRICT = 2
-_PROBE_TIMEOUT_S = 0.5
 
 
 class OneController:
@@ -115,7 +112,7 @@ class ControllerManager:
             return
         names = ["%s/%s" % (self._manager, spec.name) for spec in self._specs]
         for name in names:
-            server = _server_of(name)
+            server = server_of(name)
             if server:
                 _LOG.warning("%s is served by %s already: this driver offers no controller_manager, and programs that "
                              "look for %s there do not find it", name, server, self._one.name)
@@ -172,24 +169,3 @@ class ControllerManager:
 
 def _types(response: Any) -> None:
     response.types, response.base_classes = [CONTROLLER_TYPE], [_BASE_CLASS]
-
-
-def _server_of(service: str) -> str:
-    """Return the address at which another program serves this service, "" where nobody listens there.
-
-    A master that does not answer counts as a server: what it knows must not be overwritten.
-    """
-    try:
-        uri = rosgraph.Master(rospy.get_name()).lookupService(service)
-    except rosgraph.MasterError:
-        return ""
-    except (OSError, rosgraph.MasterException) as error:
-        return "nobody knows whom (%s)" % error
-    parts = urlsplit(uri)
-    try:
-        socket.create_connection((parts.hostname or "", parts.port or 0), _PROBE_TIMEOUT_S).close()
-    except ConnectionRefusedError:
-        return ""  # what a program that was killed has left with the master
-    except (OSError, UnicodeError):
-        pass
-    return uri

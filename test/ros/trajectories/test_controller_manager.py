@@ -25,7 +25,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.other_messages import made_service, message_type, old_switch_type
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.trajectories import controller_manager
+from jaka_ros_driver.ros.start_checks import server_of
 from jaka_ros_driver.ros.trajectories.controller_manager import CONTROLLER_TYPE, OneController
 from jaka_ros_driver.ros.trajectories.query import StateQuery
 
@@ -113,7 +113,7 @@ def test_a_name_is_served_where_somebody_listens(monkeypatch, answer, served):
             return uri
         monkeypatch.setattr(rosgraph, "Master", lambda name: types.SimpleNamespace(lookupService=look_up))
         monkeypatch.setattr(rospy, "get_name", lambda: "/jaka_driver")
-        assert bool(controller_manager._server_of("/controller_manager/list_controllers")) is served
+        assert bool(server_of("/controller_manager/list_controllers")) is served
 
 
 # ---- as the programs do it ----
