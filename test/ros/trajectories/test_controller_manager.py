@@ -4,7 +4,7 @@ rqt_joint_trajectory_controller and moveit_ros_control_interface are packaged no
 their sources: ros-controls/ros_controllers, rqt_joint_trajectory_controller/src/rqt_joint_trajectory_controller/
 joint_trajectory_controller.py and joint_limits_urdf.py, with ros-controls/ros_control, controller_manager_msgs/src/
 controller_manager_msgs/utils.py; moveit/moveit, moveit_plugins/moveit_ros_control_interface/src/
-controller_manager_plugin.cpp (commit ee42c7c).
+controller_manager_plugin.cpp. Commits: bbd6f96, 4508d87, 5dbe67e, ee42c7c.
 """
 import contextlib
 import math
@@ -32,6 +32,7 @@ from jaka_ros_driver.ros.trajectories.query import StateQuery
 BEST_EFFORT, STRICT = 1, 2
 MANAGER = "/controller_manager"
 NAME = CONTROLLER[1:]
+REST = (0.0,) * 6
 KINDS = {"list_controllers": "ListControllers", "list_controller_types": "ListControllerTypes",
          "load_controller": "LoadController", "unload_controller": "UnloadController",
          "switch_controller": "SwitchController", "reload_controller_libraries": "ReloadControllerLibraries"}
@@ -87,7 +88,7 @@ def queried(arm):
 def test_without_a_trajectory_the_held_position_is_wanted_from_when_it_was_reached_on():
     query = queried(Held())
     for at in (10.0, 19.0, 1e6):
-        assert query.desired_at(at) == ((0.2,) * 6, (0.0,) * 6, (0.0,) * 6)
+        assert query.desired_at(at) == ((0.2,) * 6, REST, REST)
     with pytest.raises(InvalidCommand, match=r"held its position only since 1\.000 s after that time"):
         query.desired_at(9.0)
 
@@ -204,18 +205,24 @@ def test_what_ros_control_scripts_ask_for_is_refused_where_there_is_nothing_to_b
 
 def test_query_state_foretells_where_the_arm_will_be_and_refuses_what_it_does_not_know(arm):
     query = rospy.ServiceProxy(CONTROLLER + "/query_state", made_service("control_msgs/QueryTrajectoryState"))
-    held = query(rospy.Time.now() + rospy.Duration(3600))
-    assert held.name == NAMES and held.position == pytest.approx(START, abs=1e-4) and held.velocity == (0.0,) * 6
+
+    def after(seconds):
+        """Return the state so much later than now, None where that is refused, as while a trajectory begins."""
+        with contextlib.suppress(rospy.ServiceException):
+            return query(rospy.Time.now() + rospy.Duration.from_sec(seconds))
+    assert eventually(lambda: after(3600.0))
+    held = after(3600.0)
+    assert held.name == NAMES and held.position == pytest.approx(START, abs=1e-4) and held.velocity == REST
     with contextlib.closing(Client()) as client:
-        handle = client.send(goal_of(smooth(0.6, 2.0, 0.1)))
-        assert eventually(lambda: query(rospy.Time.now()).velocity[0] > 0.1)
-        now = rospy.Time.now()
-        soon, end = query(now + rospy.Duration.from_sec(0.3)), query(now + rospy.Duration(60))
-        assert START[0] < query(now).position[0] < soon.position[0] < end.position[0] == pytest.approx(0.6)
-        assert end.velocity == (0.0,) * 6 and soon.velocity[0] > 0.0
+        client.send(goal_of(smooth(0.6, 4.0, 0.1)))
+        assert eventually(lambda: getattr(after(0.0), "velocity", REST)[0] > 0.05)
+        now, soon, end = after(0.0), after(0.5), after(60.0)
+        assert START[0] < now.position[0] < soon.position[0] < end.position[0] == pytest.approx(0.6)
+        assert end.velocity == REST and soon.velocity[0] > 0.0
         with pytest.raises(rospy.ServiceException, match="before the running trajectory was begun"):
-            query(now - rospy.Duration(30))
-        assert client.end(handle)[0] == "SUCCEEDED"
+            query(rospy.Time.now() - rospy.Duration(30))
+        arm.call("stop_move")
+    assert eventually(lambda: after(1.0))
     with pytest.raises(rospy.ServiceException, match="held its position only since"):
         query(rospy.Time(1))
 
