@@ -4,6 +4,8 @@ core            custody of the arm, as pure state machines
 settings        address, time limits and bounds of one client; the numbers that a user may change
 transport       the two connections to the controller, and one wait for both; the driver's and the guard's
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
+followed_path   the path that is followed for a trajectory, and where it joins a running one
+loop_task       the base class of periodic tasks in the client's thread
 fail_stop       the last stop and the evidence of a driver whose core has failed
 custody_file    the motion in custody, on disk while it lasts
 process_state   the state of another process, from the kernel

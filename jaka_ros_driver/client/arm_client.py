@@ -22,13 +22,15 @@ from jaka_ros_driver.client.core.procedures.steps import Procedure
 from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
+from jaka_ros_driver.client.followed_path import LONGEST_LEAD_S, followed_path, lead_of
 from jaka_ros_driver.client.guard import Guard
+from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState, Vector
-from jaka_ros_driver.trajectory.build import BuildOptions, build_path
+from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 _LOG = logging.getLogger(__name__)
@@ -42,26 +44,8 @@ _LAST_STOPS = 3
 _LAST_STOP_PERIOD_S = 0.1
 """Period, s, of the ``_LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
 
-_JOIN_LEAD_S = 0.016
-_BUILD_TIME_S = 5e-6
-"""Lead, s, for each point of a new trajectory, beside two cycles, with which it joins a running one."""
-_LONGEST_LEAD_S = 1.0
-_TOLD_LATE_S = 0.001
-
 StateListener = Callable[[RobotState, bool], None]
 CustodyListener = Callable[[NotifyGuard], None]
-
-
-class LoopTask:
-    """A periodic task of the client's thread; see ``ArmClient.add_task``."""
-
-    def due(self) -> Optional[float]:
-        """Return when ``run`` is due, monotonic time, s; None while it is not."""
-        raise NotImplementedError
-
-    def run(self, now: float) -> None:
-        """Run the task. It must not block."""
-        raise NotImplementedError
 
 
 class ArmClient:
@@ -75,8 +59,7 @@ class ArmClient:
             settings: Address and time limits.
             model: The arm model whose limits every command is checked against.
             guard: Is notified when this driver begins to move the arm (before anything is sent), when that has ended,
-                and
-                every 20 ms that the driver lives. None for no guard.
+                and every 20 ms that the driver lives. None for no guard.
             custody_file: Records for a later driver what this one moves, and for this one what an earlier one left.
                 None: none.
         """
@@ -413,11 +396,11 @@ class ArmClient:
             MotionInterrupted: A stop came after it was asked for; nothing was sent.
         """
         asked_with = self.stops if stops is None else stops
-        lead = _JOIN_LEAD_S + _BUILD_TIME_S * len(trajectory.points)
+        lead = lead_of(trajectory)
         while True:
             done = self._try_to_follow(trajectory, tolerances, asked_with, lead)
             error = done.exception() if done.done() else None
-            if isinstance(error, StartChanged) and lead <= _LONGEST_LEAD_S:
+            if isinstance(error, StartChanged) and lead <= LONGEST_LEAD_S:
                 lead *= 2.0
             elif error is not None:
                 raise error
@@ -425,15 +408,11 @@ class ArmClient:
                 return done
 
     def follow_point(self, position: Vector, due: float) -> "Future[None]":
-        """Follow one point of a stream, as MoveIt Servo sends them: the joints keep their limits, whatever it asks for.
-
-        Args:
-            position: rad (6,).
-            due: When the arm is to be there, monotonic time, s; ``follower.LONGEST_AHEAD_S`` ahead at most.
+        """Follow one point of a stream: ``position``, rad (6,), where the arm is to be at ``due``, monotonic time, s.
 
         Returns:
-            Ends when the point is taken, or with its refusal: InvalidCommand (also: the stream was ended by a stop or a
-            fault, and must pause first), ConnectionLost, MotionInterrupted.
+            Ends when it is taken, or with its refusal: InvalidCommand (also: the stream was ended, and must pause
+            first), ConnectionLost, MotionInterrupted.
         """
         point = StreamPoint(position, due)
         return self._begin(lambda call, now: self._core.follow_point(call, point, self._core.stops, now))
@@ -441,21 +420,12 @@ class ArmClient:
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[None]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
-        starts_at = trajectory.starts_at
+        starts_at, elapsed = trajectory.starts_at, 0.0
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
-        elapsed = 0.0
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
-        settings = self.settings
-        path = build_path(start.begin, trajectory, elapsed, self.model, BuildOptions(
-            settings.trajectory_start_tolerance, settings.late_stamp, settings.trajectory_overshoot == "scale"))
-        if path.rates is not None:
-            _LOG.info("the trajectory is slowed, and takes %.3f s longer than its %.3f s: %s", path.rates.delay(),
-                      trajectory.points[-1].time, path.rates.text)
-        if start.begin.is_at_rest and path.begin < elapsed - _TOLD_LATE_S:
-            _LOG.info("the trajectory begins %.3f s late: its stamp was %.3f s ago when it was taken",
-                      elapsed - path.begin, elapsed)
+        path = followed_path(start, trajectory, elapsed, self.model, self.settings)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
@@ -468,6 +438,11 @@ class ArmClient:
         """The progress of the running trajectory; None without one."""
         with self._lock:
             return self._core.trajectory
+
+    def desired_at(self, at: float) -> Optional[JointState]:
+        """Return ``ArmCore.desired_at``: where the running trajectory wants the joints at a moment, monotonic s."""
+        with self._lock:
+            return self._core.desired_at(at)
 
     def stop(self) -> None:
         """Stop all motion, queued motion and programs, and leave servo mode.

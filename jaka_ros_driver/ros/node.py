@@ -53,7 +53,9 @@ from jaka_ros_driver.ros.topics.sensors import SensorPublishers
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
+from jaka_ros_driver.ros.trajectories.controller_manager import ControllerManager
 from jaka_ros_driver.ros.trajectories.controller_params import ControllerParams, controller_params
+from jaka_ros_driver.ros.trajectories.query import StateQuery
 from jaka_ros_driver.ros.trajectories.topics import TrajectoryInterface
 from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 
@@ -96,6 +98,8 @@ class DriverNode:
         self._paths = PathAction(self._arm, decoder, self._recorder)
         self._trajectories = TrajectoryInterface(
             self._arm, config, controller, self._publishers.joint_velocity, self._recorder)
+        self._query = StateQuery(self._arm, config)
+        self._manager = ControllerManager(self._arm, config, self._recorder)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
         self._io = IoPublisher(self._arm, self._publishers.stamps)
@@ -103,7 +107,7 @@ class DriverNode:
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
         self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
-        self._master_watch = MasterWatch(self._set_description)
+        self._master_watch = MasterWatch(self._set_parameters)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
         self._is_simulated: Optional[bool] = None
         self._closing = threading.Lock()
@@ -137,6 +141,8 @@ class DriverNode:
         self._recover.offer()
         self._paths.offer()
         self._trajectories.offer()
+        self._query.offer()
+        self._manager.offer()
         self._topics.start()
         self._jog_topics.start()
         refuse_topics_used_twice()
@@ -210,6 +216,10 @@ class DriverNode:
         self._recorder.event("end", True, has_failed=self._arm.has_failed)
         if not self._audit.close(_AUDIT_TIMEOUT_S):
             _LOG.warning("the audit log in %s could not be written to its end", self._audit.path)
+
+    def _set_parameters(self) -> None:
+        self._set_description()
+        self._manager.set_parameters()
 
     def _set_description(self) -> None:
         """Set ``robot_description``, unless another node has set it."""

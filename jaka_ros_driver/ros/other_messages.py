@@ -1,22 +1,32 @@
-"""Types of control_msgs and industrial_msgs, which are not packaged everywhere: the installed one, or one made here.
+"""Types of control_msgs, controller_manager_msgs and industrial_msgs, which are not packaged everywhere: the installed
+one, or one made here.
 
 The definitions are of our own writing and have the fields of the published ones, so that their md5 is the same: with
 another one no client that was built with the published definition would connect.
 """
-import hashlib
 import importlib
 from typing import Any, Dict
 
 import genpy.dynamic
-from std_srvs.srv import EmptyRequest
 
 MD5 = {
     "control_msgs/FollowJointTrajectoryAction": "bc4f9b743838566551c0390c65f1a248",
     "control_msgs/FollowJointTrajectoryFeedback": "10817c60c2486ef6b33e97dcd87f4474",
     "control_msgs/JointTrajectoryControllerState": "10817c60c2486ef6b33e97dcd87f4474",
+    "control_msgs/QueryTrajectoryState": "ec93cdecbd8062d761aa52b7c90cd44b",
+    "controller_manager_msgs/ControllerState": "aeb6b261d97793ab74099a3740245272",
+    "controller_manager_msgs/ListControllerTypes": "c1d4cd11aefa9f97ba4aeb5b33987f4e",
+    "controller_manager_msgs/ListControllers": "1341feb2e63fa791f855565d0da950d8",
+    "controller_manager_msgs/LoadController": "647e5c54b8d6468952d8d31f1efe96c0",
+    "controller_manager_msgs/ReloadControllerLibraries": "40e8c411fd1797d2e2c486018f846040",
+    "controller_manager_msgs/SwitchController": "b29a7abc673b2c54c14b54e50f8d06a5",
+    "controller_manager_msgs/UnloadController": "647e5c54b8d6468952d8d31f1efe96c0",
+    "industrial_msgs/StopMotion": "50b1f38f75f5677e5692f3b3e7e1ea48",
     "industrial_msgs/RobotStatus": "b733cb45a38101840b75c4c0d6093d19",
 }
-"""Checksums of the published definitions."""
+"""Checksums of the published definitions; controller_manager_msgs as in ROS Noetic."""
+OLD_SWITCH_MD5 = "5e857dedf71d6f337975e15a1e7cfdd8"
+"""Checksum of SwitchController before it had ``start_asap`` and ``timeout`` (ros_control 0.13, ROS Kinetic)."""
 _DEFINITIONS = {
     "actionlib_msgs/GoalID": "time stamp\nstring id\n",
     "actionlib_msgs/GoalStatus": (
@@ -48,6 +58,31 @@ _DEFINITIONS = {
     "control_msgs/JointTrajectoryControllerState": (
         "Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
         "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"),
+    "control_msgs/QueryTrajectoryStateRequest": "time time\n",
+    "control_msgs/QueryTrajectoryStateResponse": (
+        "string[] name\nfloat64[] position       # rad\nfloat64[] velocity       # rad/s\n"
+        "float64[] acceleration   # rad/s2\n"),
+    "controller_manager_msgs/ControllerState": (
+        "string name\nstring state\nstring type\n"
+        "controller_manager_msgs/HardwareInterfaceResources[] claimed_resources\n"),
+    "controller_manager_msgs/HardwareInterfaceResources": "string hardware_interface\nstring[] resources\n",
+    "controller_manager_msgs/ListControllerTypesRequest": "# empty\n",
+    "controller_manager_msgs/ListControllerTypesResponse": "string[] types\nstring[] base_classes\n",
+    "controller_manager_msgs/ListControllersRequest": "# empty\n",
+    "controller_manager_msgs/ListControllersResponse": "controller_manager_msgs/ControllerState[] controller\n",
+    "controller_manager_msgs/LoadControllerRequest": "string name\n",
+    "controller_manager_msgs/LoadControllerResponse": "bool ok\n",
+    "controller_manager_msgs/OldSwitchControllerRequest": (
+        "string[] start_controllers\nstring[] stop_controllers\nint32 strictness\nint32 BEST_EFFORT=1\n"
+        "int32 STRICT=2\n"),
+    "controller_manager_msgs/ReloadControllerLibrariesRequest": "bool force_kill\n",
+    "controller_manager_msgs/ReloadControllerLibrariesResponse": "bool ok\n",
+    "controller_manager_msgs/SwitchControllerRequest": (
+        "string[] start_controllers\nstring[] stop_controllers\nint32 strictness\nint32 BEST_EFFORT=1\n"
+        "int32 STRICT=2\nbool start_asap\nfloat64 timeout       # s\n"),
+    "controller_manager_msgs/SwitchControllerResponse": "bool ok\n",
+    "controller_manager_msgs/UnloadControllerRequest": "string name\n",
+    "controller_manager_msgs/UnloadControllerResponse": "bool ok\n",
     "industrial_msgs/RobotMode": "int8 val\nint8 UNKNOWN=-1\nint8 MANUAL=1\nint8 AUTO=2\n",
     "industrial_msgs/RobotStatus": (
         "Header header                   # stamp: arrival of the status frame that tells this; frame_id: empty\n"
@@ -56,6 +91,7 @@ _DEFINITIONS = {
         "industrial_msgs/TriState in_motion\nindustrial_msgs/TriState in_error\n"
         "int32 error_code                # entry of the controller's event list, 0 for no error\n"),
     "industrial_msgs/ServiceReturnCode": "int8 val\nint8 SUCCESS=1\nint8 FAILURE=-1\n",
+    "industrial_msgs/StopMotionRequest": "# empty\n",
     "industrial_msgs/StopMotionResponse": "industrial_msgs/ServiceReturnCode code\n",
     "industrial_msgs/TriState": (
         "int8 val\nint8 UNKNOWN=-1\nint8 TRUE=1\nint8 ON=1\nint8 ENABLED=1\nint8 HIGH=1\nint8 CLOSED=1\nint8 FALSE=0\n"
@@ -88,13 +124,31 @@ def made_type(name: str) -> Any:
     return _made[name]
 
 
-def stop_motion_type() -> Any:
-    """Return the class of the service industrial_msgs/StopMotion: the installed one, else one made here."""
+def service_type(name: str) -> Any:
+    """Return the class of a service, as ``package/Name``: that of an installed package, else ``made_service``."""
+    package, short = name.split("/")
     try:
-        return importlib.import_module("industrial_msgs.srv").StopMotion
+        return getattr(importlib.import_module(package + ".srv"), short)
     except (ImportError, AttributeError):
-        code = made_type("industrial_msgs/ServiceReturnCode")
-        return type("StopMotion", (), {
-            "_type": "industrial_msgs/StopMotion", "_request_class": EmptyRequest,
-            "_response_class": made_type("industrial_msgs/StopMotionResponse"),
-            "_md5sum": hashlib.md5(("%s code" % code._md5sum).encode()).hexdigest()})
+        return made_service(name)
+
+
+def made_service(name: str) -> Any:
+    """Return a class of a service made from the definitions of this file, the same on the wire."""
+    return _service(name, made_type(name + "Request"), MD5[name])
+
+
+def stop_motion_type() -> Any:
+    """Return the class of the service industrial_msgs/StopMotion."""
+    return service_type("industrial_msgs/StopMotion")
+
+
+def old_switch_type() -> Any:
+    """Return the class of controller_manager_msgs/SwitchController with which clients of ros_control 0.13 are built."""
+    return _service("controller_manager_msgs/SwitchController",
+                    made_type("controller_manager_msgs/OldSwitchControllerRequest"), OLD_SWITCH_MD5)
+
+
+def _service(name: str, request: Any, md5: str) -> Any:
+    return type(name.split("/")[1], (), {"_type": name, "_md5sum": md5, "_request_class": request,
+                                         "_response_class": made_type(name + "Response")})

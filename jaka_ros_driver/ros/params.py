@@ -117,6 +117,13 @@ def _audit_dir(value: Any) -> str:
     return value
 
 
+def _controller_manager(value: Any) -> str:
+    text = str(value).lower() if type(value) in (bool, str) else ""
+    if text not in ("auto", "true", "false"):
+        raise ValueError
+    return text
+
+
 def _io_index_base(value: Any) -> Optional[int]:
     bases = {"auto": None, "0": 0, "1": 1}
     if type(value) not in (str, int) or str(value) not in bases:
@@ -206,6 +213,11 @@ class DriverConfig:
     industrial_names: bool = _flag(False, "Trajectories are taken under the names of ROS-Industrial, too. They are "
                                           "joint_trajectory_action, joint_path_command, feedback_states and "
                                           "stop_motion.")
+    controller_manager: str = _parameter(
+        "auto", "text", "", "auto, true, false", "Offer the names of ros_control's controller_manager beside the "
+        "trajectory controller. Programs such as rqt_joint_trajectory_controller find it there. Not where one of the "
+        "names is served already. auto: 10 s after the start, so that a real controller_manager of the cell is there "
+        "first; false where one is started later.", _controller_manager)
     trajectory_start_tolerance: float = _number(
         _CLIENT.trajectory_start_tolerance, 0.0001, 1.0, "rad",
         "A trajectory is refused where the arm is farther from its first point.")

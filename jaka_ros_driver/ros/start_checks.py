@@ -28,6 +28,7 @@ from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, table
 _LOG = logging.getLogger(__name__)
 
 _CONNECT_TIMEOUT_S = 3.0
+_PROBE_TIMEOUT_S = 0.5
 _LOOK_S = 0.05
 _LOG_PERIOD_S = 10.0
 _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
@@ -189,3 +190,26 @@ def refuse_topics_used_twice() -> None:
     if twice:
         raise WrongParameter("the node would use %s for two things at once; look at ~joint_states_topic, "
                              "~trajectory_controller and the remappings" % ", ".join(twice))
+
+
+# ---- a name that another program serves is left to it ----
+
+def server_of(service: str) -> str:
+    """Return the address at which another program serves this service, "" where nobody listens there.
+
+    A master that does not answer counts as a server: what it knows must not be overwritten.
+    """
+    try:
+        uri = rosgraph.Master(rospy.get_name()).lookupService(service)
+    except rosgraph.MasterError:
+        return ""
+    except (OSError, rosgraph.MasterException) as error:
+        return "nobody knows whom (%s)" % error
+    parts = urlsplit(uri)
+    try:
+        socket.create_connection((parts.hostname or "", parts.port or 0), _PROBE_TIMEOUT_S).close()
+    except ConnectionRefusedError:
+        return ""  # what a program that was killed has left with the master
+    except (OSError, UnicodeError):
+        pass
+    return uri

@@ -70,9 +70,12 @@ class PathClock:
 
     def state(self) -> JointState:
         """Return the wanted position of the joints now, and their velocity and acceleration at the present rate."""
-        position, velocity, acceleration = self._at(self.time)
-        return JointState(position, tuple([v * self.rate for v in velocity]),
-                          tuple([a * self.rate * self.rate for a in acceleration]))
+        return self.state_at(self.time, self.rate)
+
+    def state_at(self, time: float, rate: float) -> JointState:
+        """Return the wanted state at this time on the path, s, passed at this rate."""
+        position, velocity, acceleration = self._at(time)
+        return JointState(position, tuple([v * rate for v in velocity]), tuple([a * rate * rate for a in acceleration]))
 
     def join(self, time: float, path: Path) -> None:
         """Follow another path, from its begin on, when this one has come to ``time``, which is now or later, s."""

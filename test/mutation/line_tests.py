@@ -50,6 +50,8 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/topics/speed.py": ("test/ros/topics/test_publishing.py",),
     "ros/topics/stamps.py": ("test/ros/topics/test_publishing.py",),
     "ros/topics/velocity.py": ("test/ros/topics/test_publishing.py",),
+    "ros/trajectories/controller_manager.py": ("test/ros/trajectories/test_controller_manager.py",),
+    "ros/trajectories/query.py": ("test/ros/trajectories/test_controller_manager.py",),
     "ros/trajectories/topics.py": ("test/ros/trajectories/test_goals.py",),
 }
 """Tests that notice a mutant of a line that is run in processes of their own only, beside a ROS master."""

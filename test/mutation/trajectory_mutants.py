@@ -10,6 +10,7 @@ STORIES = ("test/client/core/test_trajectory_stories.py",)
 CLOCK = ("test/trajectory/test_clock.py",)
 RULES = ("test/trajectory/test_path_rules.py",)
 DECODER = ("test/ros/trajectories/test_decoder.py",)
+MANAGER = ("test/ros/trajectories/test_controller_manager.py",)
 ENDS = ("test/ros/trajectories/test_action_ends.py",)
 PATHS = ("test/client/core/test_path_stories.py",)
 PATH_GOAL = ("test/ros/paths/test_path_goal.py",)
@@ -137,6 +138,21 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            "positions=tuple([b - a for a, b in zip(desired.position, position)])", DECODER),
     Mutant("a made type lacks a constant's place in its md5", "ros/other_messages.py",
            "int32 OLD_HEADER_TIMESTAMP = -3", "int32 OLD_HEADER_STAMP = -3", DECODER),
+    Mutant("a later moment assumes the rate of the points", "trajectory/clock_trace.py",
+           "return PathMoment(later.time + (at - later.at) * rate, rate)",
+           "return PathMoment(later.time + (at - later.at), 1.0)", STORIES),
+    Mutant("a moment of the past is told by the path that was joined later", "client/core/trajectory.py",
+           "            self._past = ClockTrace(self._next_frame, clock.time)\n",
+           "            self._past.note(self._next_frame, clock.time)\n", STORIES),
+    Mutant("an arm that is being stopped is said to go on", "client/core/trajectory.py",
+           "        if self._custody.is_ending:\n            raise InvalidCommand(\"the arm is being",
+           "        if False:\n            raise InvalidCommand(\"the arm is being", STORIES),
+    Mutant("the held position counts since the newest state", "ros/trajectories/query.py",
+           "zip(joints, self._held)]) > _SAME:", "zip(joints, self._held)]) >= 0.0:", MANAGER),
+    Mutant("the one controller can be stopped", "ros/trajectories/controller_manager.py",
+           "        if self.name not in start:\n", "        if False:\n", MANAGER),
+    Mutant("a name that another program serves is taken over", "ros/start_checks.py",
+           "        pass\n    return uri", "        pass\n    return \"\"", MANAGER),
     Mutant("every trajectory succeeds", "ros/trajectories/action.py",
            "                    self._ended_with(handle, error)\n                    return\n",
            "                    pass\n",

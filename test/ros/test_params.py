@@ -41,6 +41,7 @@ WRONG = [
     ("jog_max_joint_speed", 1.5, "0.001 to 1 rad/s"), ("jog_max_linear_speed", 0.0, "0.001 to 0.6 m/s"),
     ("jog_max_angular_speed", -0.5, "0.001 to 1 rad/s"),
     ("trajectory_controller", "my controller", "ROS name"), ("industrial_names", "yes", "true or false"),
+    ("controller_manager", "no", "auto, true, false"), ("controller_manager", 1, "auto, true, false"),
     ("trajectory_start_tolerance", 0.0, "0.0001 to 1 rad"), ("trajectory_path_tolerance", -0.1, "0 to 1 rad"),
     ("trajectory_goal_tolerance", math.nan, "0 to 1 rad"), ("trajectory_goal_time", 61.0, "0 to 60 s"),
     ("late_stamp", -0.1, "0 to 10 s"), ("late_stamp", "1", "0 to 10 s"),

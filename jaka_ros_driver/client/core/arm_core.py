@@ -51,7 +51,7 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
-from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.path import JointState, Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
@@ -137,6 +137,15 @@ class ArmCore:
         """The progress of the running trajectory; None without one."""
         motion = self.custody.motion
         return motion.progress if isinstance(motion, Trajectory) else None
+
+    def desired_at(self, at: float) -> Optional[JointState]:
+        """Return where the running trajectory wants the joints at this moment, s; None without one.
+
+        Raises:
+            InvalidCommand: The arm was not on it then.
+        """
+        motion = self.custody.motion
+        return motion.desired_at(at) if isinstance(motion, Trajectory) else None
 
     @property
     def path(self) -> Optional[PathProgress]:

@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted,
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.follower import HOLD_S, PointFollower
-from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.path import JointState, Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
 _UNWATCHED = TrajectoryTolerances((None,) * JOINT_COUNT, (None,) * JOINT_COUNT, None)
@@ -77,6 +77,10 @@ class PointStream(Trajectory):
     def can_be_joined(self) -> bool:
         """False: a trajectory waits until the stream is braked."""
         return False
+
+    def desired_at(self, at: float) -> JointState:
+        """Raise InvalidCommand: nobody has planned where the arm is to be at another moment."""
+        raise InvalidCommand("the arm follows a stream of points, which has no plan")
 
     def take(self, point: StreamPoint, now: float) -> None:
         """Follow the next point, from the next cycle on.

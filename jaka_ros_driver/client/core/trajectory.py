@@ -4,6 +4,7 @@ point.
 from typing import List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.client.core.actions import Token
+from jaka_ros_driver.trajectory.clock_trace import ClockTrace
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
@@ -120,6 +121,7 @@ class Trajectory(Streaming):
         self._trace = ServoTrace(_LONGEST_LAG_S, 0.1 * _LONGEST_LAG_S)
         self._near = ServoTrace(_LAG_S, 0.1 * _LAG_S)
         self._built_at = state.received_at
+        self._past = ClockTrace(self._built_at, self._clock.time)
         self._lag = 0.0
         self._rests_since: Optional[float] = None
         self._is_begun = False
@@ -138,6 +140,20 @@ class Trajectory(Streaming):
     def progress(self) -> TrajectoryProgress:
         """The progress of the trajectory."""
         return TrajectoryProgress(self._goal.call, self._clock.time, self._clock.state())
+
+    def desired_at(self, at: float) -> JointState:
+        """Return where the joints are wanted at this moment, s; a later one assumes that the clock keeps its rate.
+
+        Raises:
+            InvalidCommand: The arm was not on the running path then, it is too long ago to be known, or a stop ends it.
+        """
+        if self._custody.is_ending:
+            raise InvalidCommand("the arm is being stopped; where it comes to rest is not planned")
+        moment = self._past.at(at, self._clock.rate if self._is_begun else self._wanted)
+        if moment is None:
+            raise InvalidCommand("it is %.3f s before the running trajectory was begun or joined"
+                                 % (self._past.since - at))
+        return self._path_clock.state_at(moment.time, moment.rate)
 
     @property
     def is_held(self) -> bool:
@@ -187,6 +203,7 @@ class Trajectory(Streaming):
 
     def begin(self, now: float) -> None:
         self._built_at = now
+        self._past = ClockTrace(now, self._clock.time)
         super().begin(now)
 
     def prepare(self) -> None:
@@ -219,9 +236,14 @@ class Trajectory(Streaming):
         clock, scale = self._clock, self._scale
         if not self._is_begun:  # a stream begins where the arm is (docs/controller-protocol.md section 5.6.5)
             self._is_begun = True
+            self._past.note(self._next_frame, clock.time)
             return ServoJoint(clock.position)
-        wanted = self._wanted
+        wanted, path = self._wanted, self._path_clock.path
         frame = ServoJoint(clock.step(wanted))
+        if self._path_clock.path is path:
+            self._past.note(self._next_frame, clock.time)
+        else:
+            self._past = ClockTrace(self._next_frame, clock.time)
         if self._lag > 0.0:
             self._lag = 0.0 if wanted == 0.0 else self._lag - max(0.0, clock.rate - scale) * SERVO_PERIOD_S
         self._near.sent(clock.position, now)

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple, Optional
 
 import rospy
 
-from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
+from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock

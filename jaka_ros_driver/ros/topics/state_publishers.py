@@ -12,7 +12,8 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from jaka_msgs.msg import RobotMsg
-from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert

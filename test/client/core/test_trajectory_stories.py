@@ -488,3 +488,88 @@ def test_a_speed_that_the_controller_does_not_take_up_is_told():
     story.core.run("again", set_speed(story.core, 0.5), story.now)
     story.fields["rapidrate"] = 0.503
     assert story.run(0.1).error("again") is None
+
+
+# ---- where the joints are wanted at a moment ----
+
+def wanted(story, at):
+    """Return position and velocity of joint 1 at that moment, rad and rad/s."""
+    state = story.core.desired_at(at)
+    return state.position[0], state.velocity[0]
+
+
+def test_what_is_said_of_a_later_moment_is_what_the_arm_was_sent_when_it_has_come():
+    story = following(to(2.0, 0.5)).run(0.5)
+    moment = story.now + 0.6
+    foretold = wanted(story, moment)
+    assert wanted(story, story.now)[0] < foretold[0]
+    story.run(0.6)
+    assert frames(story)[-1][0] == pytest.approx(foretold[0], abs=0.01)
+    assert wanted(story, story.now) == pytest.approx(foretold, abs=1e-6)
+    story.run(0.5)
+    assert wanted(story, moment) == pytest.approx(foretold, abs=1e-6)
+    assert foretold[1] == pytest.approx((wanted(story, moment + 1e-3)[0] - wanted(story, moment - 1e-3)[0]) / 2e-3)
+
+
+def test_what_is_said_of_a_moment_behind_the_end_is_the_last_point_at_rest():
+    story = following(to(1.0, 0.3)).run(0.4)
+    assert wanted(story, story.now + 60.0) == pytest.approx((0.3, 0.0))
+
+
+def test_a_later_moment_assumes_the_speed_override_of_now():
+    story = following(to(2.0, 0.5))
+    story.fields["rapidrate"] = 0.5
+    story.run(0.8)
+    moment = story.now + 1.0
+    foretold = wanted(story, moment)
+    story.run(1.1)
+    assert wanted(story, moment) == pytest.approx(foretold, abs=1e-6)
+    story.fields["rapidrate"] = 1.0
+    story.run(0.3)
+    assert wanted(story, moment) == pytest.approx(foretold, abs=1e-6), "the past keeps the rate that it had"
+
+
+def test_in_a_pause_the_arm_is_wanted_where_it_rests_and_was_wanted_on_the_way_before():
+    story = following(to(1.5, 1.0)).run(0.7)
+    earlier = story.now - 0.05
+    before = wanted(story, earlier)
+    story.core.run("pause", pause(story.core), story.now)
+    story.run(0.6)
+    rests = frames(story)[-1][0]
+    assert wanted(story, story.now + 100.0) == wanted(story, story.now) == (pytest.approx(rests), 0.0)
+    assert wanted(story, earlier) == pytest.approx(before, abs=1e-6) and before[1] > 0.5
+
+
+def test_a_trajectory_that_starts_later_is_wanted_at_its_start_until_then():
+    story = Following()
+    story.follow("goal", (to(1.0, 0.3),), elapsed=-0.5)
+    began = story.now
+    assert wanted(story, began + 0.45) == (0.0, 0.0)
+    assert wanted(story, began + 1.5) == pytest.approx((0.3, 0.0))
+    story.run(0.2)
+    assert wanted(story, began + 1.0) == pytest.approx((0.15, 0.45), abs=1e-6)
+
+
+def test_of_a_moment_before_the_running_path_nothing_is_said():
+    story = Following().run(1.0)
+    assert story.core.desired_at(story.now) is None
+    story.follow("goal", (to(2.0, 0.5),))
+    story.run(0.5)
+    with pytest.raises(InvalidCommand, match="before the running trajectory was begun"):
+        story.core.desired_at(story.now - 0.6)
+    story.follow("next", (to(1.0, 0.2),))
+    ahead = story.now + 0.7
+    foretold = wanted(story, ahead)
+    story.run(0.1)
+    with pytest.raises(InvalidCommand, match="or joined"):
+        story.core.desired_at(story.now - 0.2)
+    assert wanted(story, ahead) == pytest.approx(foretold, abs=1e-6)
+
+
+def test_of_an_arm_that_is_being_stopped_nothing_is_said():
+    story = following().run(0.8)
+    story.core.stop("stop", story.now)
+    story.perform()
+    with pytest.raises(InvalidCommand, match="is being stopped"):
+        story.core.desired_at(story.now)
+    assert story.run(1.0).core.desired_at(story.now) is None

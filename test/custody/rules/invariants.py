@@ -229,9 +229,7 @@ class Judge:
         """Note a call that the core is about to get."""
         self.sent.called(call)
         self.sent.asking = call
-        if call.kind == "point":
-            self.sent.points.came(call.command.position, self._clock.now)
-        elif call.kind == "jog_message":
+        if call.kind == "jog_message":
             self.sent.jog.told(*call.command, self._clock.now)
         elif call.kind == "stop":
             self.sent.jog.ended(self._clock.now)

@@ -114,6 +114,8 @@ class SentRules:
             self._auto = self._orders
             return
         self.open_calls[call.number] = call
+        if call.kind == "point":
+            self.points.came(call.command.position, call.given_at)
         if call.kind == "stop":
             self.last_stop = call.number
             self._recovery = -1  # a stop ends it

@@ -15,7 +15,7 @@ from waiting import eventually
 
 from jaka_msgs.srv import Move
 from jaka_ros_driver.audit.log import AuditLog
-from jaka_ros_driver.client.arm_client import LoopTask
+from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder

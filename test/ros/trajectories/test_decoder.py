@@ -1,9 +1,12 @@
 """Goals to trajectories and tolerances, and the types that are made where no package has them; no running driver."""
+import hashlib
 import math
 import sys
 import time
 import types
 
+import genmsg.gentools
+import genmsg.msg_loader
 import pytest
 import rospy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -202,7 +205,47 @@ def test_a_type_of_our_own_is_the_published_one_on_the_wire(name, md5):
 
 
 def test_no_md5_is_without_a_pin():
-    assert len(other_messages.MD5) == 4
+    assert len(other_messages.MD5) == 4 + len(SERVICES) + 2
+
+
+SERVICES = {
+    "control_msgs/QueryTrajectoryState": "ec93cdecbd8062d761aa52b7c90cd44b",
+    "controller_manager_msgs/ListControllerTypes": "c1d4cd11aefa9f97ba4aeb5b33987f4e",
+    "controller_manager_msgs/ListControllers": "1341feb2e63fa791f855565d0da950d8",
+    "controller_manager_msgs/LoadController": "647e5c54b8d6468952d8d31f1efe96c0",
+    "controller_manager_msgs/ReloadControllerLibraries": "40e8c411fd1797d2e2c486018f846040",
+    "controller_manager_msgs/SwitchController": "b29a7abc673b2c54c14b54e50f8d06a5",
+    "controller_manager_msgs/UnloadController": "647e5c54b8d6468952d8d31f1efe96c0",
+}
+
+
+def md5_of(request, response):
+    """Return the checksum that ROS gives to a service of these two messages."""
+    texts = []
+    for message in (request, response):
+        context = genmsg.MsgContext.create_default()
+        for name, text in other_messages._DEFINITIONS.items():
+            context.register(name, genmsg.msg_loader.load_msg_from_string(context, text, name))
+        texts.append(genmsg.gentools.compute_md5_text(context, context.get_registered(message._type)))
+    return hashlib.md5("".join(texts).encode()).hexdigest()
+
+
+@pytest.mark.parametrize("name, md5", sorted(SERVICES.items()))
+def test_a_service_of_our_own_is_the_published_one_on_the_wire(name, md5):
+    made = other_messages.made_service(name)
+    assert made._type == name and made._md5sum == other_messages.MD5[name] == md5
+    assert md5_of(made._request_class, made._response_class) == md5
+
+
+def test_clients_of_the_older_switch_controller_are_known():
+    made = other_messages.old_switch_type()
+    assert made._type == "controller_manager_msgs/SwitchController" and made._request_class.STRICT == 2
+    assert md5_of(made._request_class, made._response_class) == made._md5sum == "5e857dedf71d6f337975e15a1e7cfdd8"
+
+
+def test_the_state_of_a_controller_is_the_published_one_on_the_wire():
+    assert other_messages.made_type("controller_manager_msgs/ControllerState")._md5sum == other_messages.MD5[
+        "controller_manager_msgs/ControllerState"] == "aeb6b261d97793ab74099a3740245272"
 
 
 def test_the_service_of_our_own_is_the_published_one_on_the_wire():

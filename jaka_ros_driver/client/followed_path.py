@@ -1,0 +1,45 @@
+"""The path that the arm follows for a trajectory: where it joins, built by the client's settings, told in the log."""
+import logging
+
+from jaka_ros_driver.client.core.trajectory import TrajectoryStart
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
+from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.points import JointTrajectory
+
+_LOG = logging.getLogger(__name__)
+_JOIN_LEAD_S = 0.016
+_BUILD_TIME_S = 5e-6
+LONGEST_LEAD_S = 1.0
+_LOGGED_LATE_S = 0.001
+
+
+def lead_of(trajectory: JointTrajectory) -> float:
+    """Return how far ahead on a running path it is joined, s: two cycles, and the time that the building takes."""
+    return _JOIN_LEAD_S + _BUILD_TIME_S * len(trajectory.points)
+
+
+def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
+                  settings: ClientSettings) -> Path:
+    """Return the audited path of a trajectory; log where it is slowed, or begins late.
+
+    Args:
+        start: The place where it begins.
+        trajectory: The points.
+        elapsed: Time since the trajectory was to start, s.
+        model: The arm's limits.
+        settings: The tolerances.
+
+    Raises:
+        InvalidTrajectory: As ``build_path``.
+    """
+    path = build_path(start.begin, trajectory, elapsed, model, BuildOptions(
+        settings.trajectory_start_tolerance, settings.late_stamp, settings.trajectory_overshoot == "scale"))
+    if path.rates is not None:
+        _LOG.info("the trajectory is slowed, and takes %.3f s longer than its %.3f s: %s", path.rates.delay(),
+                  trajectory.points[-1].time, path.rates.text)
+    if start.begin.is_at_rest and path.begin < elapsed - _LOGGED_LATE_S:
+        _LOG.info("the trajectory begins %.3f s late: its stamp was %.3f s ago when it was taken", elapsed - path.begin,
+                  elapsed)
+    return path
