@@ -4,7 +4,6 @@ point.
 from typing import List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.client.core.actions import Token
-from jaka_ros_driver.trajectory.clock_trace import ClockTrace
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
@@ -24,6 +23,7 @@ from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.build import PathStart
 from jaka_ros_driver.trajectory.clock import PathClock
+from jaka_ros_driver.trajectory.clock_trace import ClockTrace
 from jaka_ros_driver.trajectory.follower import PointFollower
 from jaka_ros_driver.trajectory.path import JointState, Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
