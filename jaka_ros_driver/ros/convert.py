@@ -16,7 +16,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from jaka_msgs import msg as messages
-from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
@@ -213,6 +212,11 @@ class RequestDecoder:
     def nothing(self, request: genpy.Message) -> None:
         """Decode a request without fields."""
 
+    def clear_error(self, request: "Union[requests.ClearErrRequest, requests.ClearErrorRequest]") -> None:
+        """Decode a ClearErr, or a ClearError; raise InvalidCommand where its ``enable`` is false."""
+        if not getattr(request, "enable", True):
+            raise InvalidCommand("enable is false, which clears nothing; to clear, call with enable true")
+
     def tool_frame(self, request: "requests.SetTcpFrameRequest") -> c.SetToolFrame:
         """Decode a SetTcpFrame: ``pose`` is x, y, z, mm, and a rotation vector, rad."""
         _whole("tool_num", request.tool_num, *limits.TOOL_IDS)
@@ -335,12 +339,12 @@ def joint_position(state: RobotState, stamp: genpy.Time, names: Sequence[str],
     return message
 
 
-def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> RobotMsg:
+def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> "messages.RobotMsg":
     """Return the message of ``~robot_states``.
 
     ``servo_state`` is 1 in servo mode, in the vendor's interface while the arm is enabled.
     """
-    return RobotMsg(
+    return messages.RobotMsg(
         motion_state=int(state.motion_state), power_state=int(state.is_powered),
         servo_state=int(state.is_enabled if is_vendor else is_servo_active),
         collision_state=int(state.protective_stop))

@@ -12,7 +12,7 @@ TYPES = """
 Move float32[] pose, bool has_ref, float32[] ref_joint, float32 mvvelo, float32 mvacc, float32 mvtime, float32 mvradii,
   int16 coord_mode, int16 index --- int16 ret, string message
 ServoMoveEnable bool enable --- int16 ret, string message
-ServoMove float32[] pose --- int16 ret, string message
+ServoMove float32[] pose, float32[] speed --- int16 ret, string message
 SetTcpFrame float32[] pose, int16 tool_num --- int16 ret, string message
 SetUserFrame float32[] pose, int16 user_num --- int16 ret, string message
 SetPayload int16 tool_num, float32 mass, float32 xc, float32 yc, float32 zc --- int16 ret, string message
@@ -22,6 +22,7 @@ LoadProgram string name --- bool success, string message
 SetIO string signal, int16 type, int16 index, float32 value --- int16 ret, string message
 GetIO string signal, int16 path, int16 type, int16 index --- float32 value, string message
 ClearErr --- int16 ret, string message
+ClearError bool enable --- int16 ret, string message
 GetFK float32[] joint --- float32[] cartesian_pose, string message
 GetIK float32[] ref_joint, float32[] cartesian_pose --- float32[] joint, string message
 """

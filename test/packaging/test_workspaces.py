@@ -24,10 +24,10 @@ def built(request, make_workspace, shell, cmake_options):
 
 def test_a_cpp_package_speaks_the_same_types(built, shell):
     for setup in built:
-        move_md5, robot_md5 = shell("rossrv md5 jaka_msgs/Move; rosmsg md5 jaka_msgs/RobotMsg", setup).stdout.split()
+        md5s = shell("rossrv md5 jaka_msgs/Move; rosmsg md5 jaka_msgs/RobotMsg; rossrv md5 jaka_msgs/ServoMove; "
+                     "rossrv md5 jaka_msgs/ClearError", setup).stdout.split()
         request_length = 4 + 6 * 4 + 1 + 4 + 4 * 4 + 2 * 2
-        assert shell("rosrun cpp_client print_md5", setup).stdout.split() == [
-            move_md5, str(request_length), robot_md5]
+        assert shell("rosrun cpp_client print_md5", setup).stdout.split() == [str(request_length), *md5s]
         shell("rosrun jaka_ros_driver jaka_sim --help", setup)
         shell("rosrun jaka_ros_driver jaka_bag --help; /usr/bin/python3 -c 'import jaka_bag, jaka_regression'", setup)
 
@@ -63,6 +63,8 @@ def test_the_other_jaka_msgs_can_be_used(make_workspace, shell, cmake_options):
     setup = workspace / "devel" / "setup.bash"
     assert "float32[] speed" in shell("rossrv show jaka_msgs/ServoMove", setup).stdout, "the maker's definition"
     shell("rosrun jaka_ros_driver jaka_sim --help", setup)
+    shell("rosrun jaka_ros_driver jaka_driver --help", setup)
+    shell("/usr/bin/python3 -c 'import jaka_ros_driver.ros.node'", setup)
 
 
 def test_asking_for_an_external_jaka_msgs_that_is_not_there_is_an_error(root, shell, cmake_options, tmp_path):

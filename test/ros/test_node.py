@@ -157,11 +157,11 @@ def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_cal
     def defective(operations, command):
         raise KeyError("a defect")
     monkeypatch.setattr(services, "SERVICES", (
-        services.ServiceSpec("defective", services.ClearErr, services.RequestDecoder.nothing, defective),))
+        services.ServiceSpec("defective", services.types.ClearErr, services.RequestDecoder.nothing, defective),))
     publisher = SimpleNamespace(
         failures=[], failed=lambda call, error: publisher.failures.append((call.service, error)))
     services.Services(services.RequestDecoder(load_model("zu7")), None, publisher, Recorder(None)).offer()
-    proxy = rospy.ServiceProxy("~defective", services.ClearErr)
+    proxy = rospy.ServiceProxy("~defective", services.types.ClearErr)
     for _ in range(2):
         with pytest.raises(rospy.ServiceException, match="a defect"):
             proxy()

@@ -1,6 +1,8 @@
 """The log tools' constants of JAKA drivers: types and numbers in their topics, and ceilings for joints."""
 import enum
 import math
+import struct
+from typing import Tuple
 
 STATE_TYPE = "jaka_msgs/RobotMsg"
 CALL_TYPE = "jaka_msgs/ServiceCall"
@@ -19,6 +21,23 @@ INPUT_TOPICS = {
     **{action + "/goal": kind for action, kind in _GOALS.items()},
     **{action + "/cancel": "actionlib_msgs/GoalID" for action in _GOALS}}
 """The ends of the names of the topics that a driver listens to, with their types (docs/ros-interface.md)."""
+
+
+_SERVO_MOVE_MD5 = "7dad889723cef7fc192c47c7bdf495f2"
+_SERVO_MOVE_WITH_SPEED_MD5 = "ea058e08a9ca2790743a486fd4bfb151"
+
+
+def plain_request(md5sum: str, request: bytes) -> Tuple[str, bytes]:
+    """Return md5 and bytes of a request, those of a ServoMove as the definition without ``speed`` has them.
+
+    Clients are built with either definition (docs/interface.md section 5). A ``speed`` that is not empty stays in the
+    bytes.
+    """
+    if md5sum != _SERVO_MOVE_WITH_SPEED_MD5:
+        return md5sum, request
+    count = struct.unpack_from("<I", request)[0] if len(request) >= 8 else 0
+    is_empty = len(request) == 8 + 4 * count and request.endswith(bytes(4))
+    return _SERVO_MOVE_MD5, request[:-4] if is_empty else request
 
 
 class MotionState(enum.IntEnum):

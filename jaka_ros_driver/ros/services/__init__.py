@@ -5,6 +5,6 @@ handlers         the handlers, which carry services out with the arm
 server           rospy's service, for clients built with other definitions too; calls are counted
 recover_action   the action ~recover
 path_action      the action ~move_path
-servo_move_wire  the maker's own definition of ServoMove.srv
+wire_definitions  further definitions of ServoMove and ClearErr, for clients that were built with them
 call_publisher   the publisher of a record of every call
 """

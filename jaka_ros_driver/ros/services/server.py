@@ -6,7 +6,7 @@ another known definition is served with that definition's request class.
 import contextlib
 import logging
 import threading
-from typing import Any, Callable, Dict, Iterator, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, Mapping, Optional
 
 import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
@@ -47,7 +47,7 @@ class ServiceServer(rospy.Service):
     """A service; every connection has a thread of its own, so that calls run in parallel."""
 
     def __init__(self, name: str, srv_type: Any, handler: Callable[[Any], Any], calls: CallCount,
-                 other_types: Tuple[Any, ...] = ()) -> None:
+                 other_types: Optional[Mapping[str, Any]] = None) -> None:
         """Register the service.
 
         Args:
@@ -55,10 +55,11 @@ class ServiceServer(rospy.Service):
             srv_type: The generated type.
             handler: Takes the request and returns the response; runs in the connection's thread.
             calls: Counts the calls.
-            other_types: Other definitions of the type; the handler must be able to take their requests.
+            other_types: Other definitions of the type, by the md5 that their clients send; the handler must be able to
+                take their requests.
         """
         self._calls = calls
-        self._other: Dict[str, Any] = {other._md5sum: other for other in other_types}
+        self._other = other_types or {}
         super().__init__(name, srv_type, handler)
 
     def accept(self, sock: Any, header: Dict[str, str]) -> bool:

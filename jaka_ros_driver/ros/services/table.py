@@ -5,38 +5,25 @@ service error.
 """
 import logging
 import time
-from typing import Any, Callable, Dict, List, NamedTuple, Protocol, Tuple, Type, TypeVar
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, NamedTuple, Protocol, Tuple, Type, TypeVar
 
 import genpy
 import rospy
 from std_srvs.srv import Empty, SetBool, Trigger
 
-from jaka_msgs import srv as types
-from jaka_msgs.srv import (
-    ClearErr,
-    GetFK,
-    GetFKResponse,
-    GetIK,
-    GetIKResponse,
-    GetIO,
-    GetIOResponse,
-    Move,
-    ServoMove,
-    ServoMoveEnable,
-    SetCollision,
-    SetIO,
-    SetPayload,
-    SetTcpFrame,
-    SetUserFrame,
-)
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
+from jaka_ros_driver.ros.jaka_types import FOLDER, AbsentType
+from jaka_ros_driver.ros.jaka_types import services as types
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher, ReceivedCall
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers, ServiceOutcome
 from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
-from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
+from jaka_ros_driver.ros.services.wire_definitions import other_definitions
+
+if TYPE_CHECKING:
+    from jaka_msgs.srv import GetFKResponse, GetIKResponse, GetIOResponse
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,19 +67,19 @@ def as_exception(response: genpy.Message, outcome: ServiceOutcome, is_vendor: bo
         raise rospy.ServiceException(outcome.message)
 
 
-def as_value(response: GetIOResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_value(response: "GetIOResponse", outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_io, without ``ret``: failure is NaN and ``error:`` (docs/interface.md section 4.1)."""
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 
 
-def as_pose(response: GetFKResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_pose(response: "GetFKResponse", outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_fk; the pose is empty on failure."""
     response.message = outcome.message
     response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
 
 
-def as_joints(response: GetIKResponse, outcome: ServiceOutcome, is_vendor: bool) -> None:
+def as_joints(response: "GetIKResponse", outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_ik; the joints are empty on failure."""
     response.message = outcome.message
     response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
@@ -150,27 +137,28 @@ def service(name: str, srv_type: _Definition[_Request, _Response],
     return ServiceSpec(name, srv_type, to_command, perform, report)
 
 
-SERVICES: Tuple[ServiceSpec, ...] = (
-    service("linear_move", Move, RequestDecoder.linear_move, ServiceHandlers.move, as_ret),
-    service("joint_move", Move, RequestDecoder.joint_move, ServiceHandlers.move, as_ret),
-    service("jog", Move, RequestDecoder.jog, ServiceHandlers.jog, as_ret),
-    service("servo_move_enable", ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode, as_ret),
-    service("servo_p", ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target, as_ret),
-    service("servo_j", ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target, as_ret),
+_ROWS: Tuple[ServiceSpec, ...] = (
+    service("linear_move", types.Move, RequestDecoder.linear_move, ServiceHandlers.move, as_ret),
+    service("joint_move", types.Move, RequestDecoder.joint_move, ServiceHandlers.move, as_ret),
+    service("jog", types.Move, RequestDecoder.jog, ServiceHandlers.jog, as_ret),
+    service("servo_move_enable", types.ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode, as_ret),
+    service("servo_p", types.ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target, as_ret),
+    service("servo_j", types.ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target, as_ret),
     service("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
-    service("set_toolframe", SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame, as_ret),
-    service("set_userframe", SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame, as_ret),
-    service("set_payload", SetPayload, RequestDecoder.payload, ServiceHandlers.payload, as_ret),
+    service("set_toolframe", types.SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame, as_ret),
+    service("set_userframe", types.SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame, as_ret),
+    service("set_payload", types.SetPayload, RequestDecoder.payload, ServiceHandlers.payload, as_ret),
     service("drag_mode", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
     service("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
-    service("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level,
+    service("set_collisionlevel", types.SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level,
             as_ret),
-    service("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output, as_ret),
-    service("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
+    service("set_io", types.SetIO, RequestDecoder.output, ServiceHandlers.output, as_ret),
+    service("get_io", types.GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
     service("zero_ftsensor", Trigger, RequestDecoder.nothing, ServiceHandlers.zero_force_sensor, as_success),
-    service("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error, as_ret),
-    service("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
-    service("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
+    service("clear_err", types.ClearErr, RequestDecoder.clear_error, ServiceHandlers.clear_error, as_ret),
+    service("clear_err", types.ClearError, RequestDecoder.clear_error, ServiceHandlers.clear_error, as_ret),
+    service("get_fk", types.GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
+    service("get_ik", types.GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
     service("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
     service("pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause, as_success),
     service("resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume, as_success),
@@ -180,15 +168,33 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     service("program/stop", Trigger, RequestDecoder.nothing, ServiceHandlers.stop_program, as_success),
     service("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
     service("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
+    service("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed, as_success),
+    service("program/load", types.LoadProgram, RequestDecoder.program_name, ServiceHandlers.load_program, as_success),
 )
-if hasattr(types, "SetSpeedSlider"):  # a jaka_msgs from elsewhere (JAKA_MSGS_EXTERNAL=1) lacks it
-    SERVICES += (service("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed,
-                             as_success),)
-if hasattr(types, "LoadProgram"):
-    SERVICES += (service("program/load", types.LoadProgram, RequestDecoder.program_name,
-                             ServiceHandlers.load_program, as_success),)
-OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
-"""Other definitions of a type of jaka_msgs, with which clients may have been built."""
+
+
+def _first_installed(rows: Iterable[ServiceSpec]) -> Tuple[ServiceSpec, ...]:
+    """Return, of the rows of each name, the first whose type is installed."""
+    found: Dict[str, ServiceSpec] = {}
+    for row in rows:
+        if not isinstance(row.srv_type, AbsentType):
+            found.setdefault(row.name, row)
+    return tuple(found.values())
+
+
+SERVICES = _first_installed(_ROWS)
+
+
+def absent_types() -> List[str]:
+    """Return, for each type that the installed jaka_msgs lacks, a sentence that names it and what that changes."""
+    offered = {spec.name: spec.srv_type._type for spec in SERVICES}
+    lost: Dict[str, List[str]] = {}
+    for row in _ROWS:
+        if isinstance(row.srv_type, AbsentType):
+            kind = offered.get(row.name)
+            lost.setdefault(row.srv_type.name, []).append(
+                "~%s is %s" % (row.name, "not offered" if kind is None else "served as " + kind))
+    return ["no %s: %s" % (name, ", ".join(services)) for name, services in lost.items()]
 
 
 class Services:
@@ -204,11 +210,13 @@ class Services:
         self._servers: List[ServiceServer] = []
 
     def offer(self) -> None:
+        for sentence in absent_types():
+            _LOG.warning("jaka_msgs in %s has %s; everything else is served", FOLDER, sentence)
         for spec in SERVICES:
             self._recorder.offers_service("~" + spec.name)
             self._servers.append(ServiceServer(
                 "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
-                OTHER_DEFINITIONS.get(spec.srv_type, ())))
+                other_definitions(spec.srv_type)))
 
     def finish_calls(self, timeout: float) -> None:
         """Wait until every running call is answered, at most ``timeout`` s."""
@@ -217,9 +225,11 @@ class Services:
 
     def _handler(self, spec: ServiceSpec) -> Callable[[Any], Any]:
         name = rospy.resolve_name("~" + spec.name)
+        others = {other._request_class: other for other in other_definitions(spec.srv_type).values()}
 
         def handle(request: Any) -> Any:
-            call = ReceivedCall(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
+            called_as = others.get(type(request), spec.srv_type)
+            call = ReceivedCall(name, called_as, request, rospy.Time.now(), time.monotonic())
             entry = self._recorder.call("~" + spec.name, request)
             try:
                 outcome = self._outcome(spec, request)

@@ -21,8 +21,8 @@ class MotionEnds:
     """The publisher of both topics, latched, with each change, in the order of events.
 
     Events are recorded by the threads that see them, and published by a thread of its own: the client's must not wait.
-    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack the types, as the maker's does; then a warning is
-    logged, and nothing is published.
+    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack either type, as the maker's does; then a warning
+    is logged, and its topic is not published.
     """
 
     def __init__(self, arm: ArmClient) -> None:
@@ -37,12 +37,14 @@ class MotionEnds:
         self._thread = threading.Thread(target=self._publish, name="motion ends", daemon=True)
         self._moves: Optional[rospy.Publisher[messages.MotionState]] = None
         self._programs: Optional[rospy.Publisher[messages.ProgramState]] = None
-        if hasattr(messages, "MotionState") and hasattr(messages, "ProgramState"):
+        if hasattr(messages, "MotionState"):
             self._moves = rospy.Publisher("~motion_state", messages.MotionState, queue_size=_QUEUE, latch=True)
+        else:
+            _warn("MotionState", "~motion_state")
+        if hasattr(messages, "ProgramState"):
             self._programs = rospy.Publisher("~program/state", messages.ProgramState, queue_size=_QUEUE, latch=True)
         else:
-            _LOG.warning("jaka_msgs in %s has no MotionState and ProgramState: the topics ~motion_state and "
-                         "~program/state are not published; everything else is served", messages.__path__[0])
+            _warn("ProgramState", "~program/state")
 
     def start(self) -> None:
         """Begin to publish."""
@@ -121,3 +123,8 @@ class MotionEnds:
     def _publish(self) -> None:
         for publisher, message in iter(self._waiting.get, None):
             publisher.publish(message)
+
+
+def _warn(kind: str, topic: str) -> None:
+    _LOG.warning("jaka_msgs in %s has no %s: the topic %s is not published; everything else is served",
+                 messages.__path__[0], kind, topic)

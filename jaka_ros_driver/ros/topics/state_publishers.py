@@ -3,6 +3,7 @@
 Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
 not made: its making would cost as much as that of those which are read.
 """
+import logging
 from typing import List, NamedTuple, Optional, Type, TypeVar, Union
 
 import genpy
@@ -11,7 +12,7 @@ from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from jaka_msgs.msg import RobotMsg
+from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.commands import JOINTS
@@ -24,6 +25,7 @@ from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinne
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
+_LOG = logging.getLogger(__name__)
 _Message = TypeVar("_Message", bound=genpy.Message)
 _QUEUE = 10
 _EARLY_S = 0.0005
@@ -36,7 +38,7 @@ class Sample(NamedTuple):
     received_at: float
     tool_position: Optional[Union[TwistStamped, PoseStamped]]
     joint_position: JointState
-    robot_states: RobotMsg
+    robot_states: "Optional[messages.RobotMsg]"
 
 
 class FrameNames:
@@ -70,7 +72,12 @@ class StatePublishers(LoopTask):
         self._velocity = VelocityEstimate()
         self._tool_position = _publisher("~tool_position", PoseStamped if config.is_vendor_2025 else TwistStamped)
         self._joint_position = _publisher("~joint_position", JointState)
-        self._robot_states = _publisher("~robot_states", RobotMsg)
+        self._robot_states: Optional[rospy.Publisher[messages.RobotMsg]] = None
+        if hasattr(messages, "RobotMsg"):
+            self._robot_states = _publisher("~robot_states", messages.RobotMsg)
+        else:
+            _LOG.warning("jaka_msgs in %s has no RobotMsg: ~robot_states is not published; everything else is served",
+                         messages.__path__[0])
         self._joint_states = _publisher(config.joint_states_topic, JointState)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
         self._repeater = StateRepeater(1.0 / config.publish_rate)
@@ -112,6 +119,7 @@ class StatePublishers(LoopTask):
         sample = Sample(
             state.received_at, self._tool(state, stamp),
             convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
+            None if self._robot_states is None else
             convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
         self._newest = sample
         self._publish(sample)
@@ -132,7 +140,8 @@ class StatePublishers(LoopTask):
         if sample.tool_position is not None:
             self._tool_position.publish(sample.tool_position)
         self._joint_position.publish(sample.joint_position)
-        self._robot_states.publish(sample.robot_states)
+        if self._robot_states is not None and sample.robot_states is not None:
+            self._robot_states.publish(sample.robot_states)
 
     def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
         names = self._names

@@ -101,7 +101,7 @@ def test_the_vendors_linear_move_of_2025_takes_rpy_and_all_else_is_as_in_2024():
     limits.check(VENDOR_2025.linear_move(turned), MODEL)
     with pytest.raises(InvalidCommand, match="rpy"):
         limits.check(VENDOR_2025.linear_move(move(pose=[400.0, 0.0, 300.0, 90.0, 0.0, 0.0], mvvelo=100)), MODEL)
-    increment = ServoMoveRequest([1.0, 2.0, 3.0, 0.01, 0.02, 0.03])
+    increment = ServoMoveRequest(pose=[1.0, 2.0, 3.0, 0.01, 0.02, 0.03])
     assert VENDOR_2025.servo_pose(increment) == VENDOR.servo_pose(increment)
     frame = SetTcpFrameRequest([0.0, 0.0, 120.0, 0.0, 1.5, 0.0], 2)
     assert VENDOR_2025.tool_frame(frame) == VENDOR.tool_frame(frame)
@@ -124,10 +124,11 @@ def test_jog_reads_frame_axis_and_speed(requests, changes, frame, axis, velocity
 
 def test_servo_targets_are_absolute_m_and_the_vendors_increments_mm():
     pose = [0.4, 0.1, 0.3, 0.01, 0.02, 0.03]
-    assert DOCUMENTED.servo_joint(ServoMoveRequest(HOME)) == c.ServoJoint(tuple(HOME))
-    assert VENDOR.servo_joint(ServoMoveRequest([0.001] * 6)) == c.ServoJoint((0.001,) * 6, relative=True)
-    assert DOCUMENTED.servo_pose(ServoMoveRequest(pose)) == c.ServoPose(c.Pose((0.4, 0.1, 0.3), (0.01, 0.02, 0.03)))
-    theirs = VENDOR.servo_pose(ServoMoveRequest([1.0, 2.0, 3.0, 0.01, 0.02, 0.03]))
+    assert DOCUMENTED.servo_joint(ServoMoveRequest(pose=HOME)) == c.ServoJoint(tuple(HOME))
+    assert VENDOR.servo_joint(ServoMoveRequest(pose=[0.001] * 6)) == c.ServoJoint((0.001,) * 6, relative=True)
+    target = c.ServoPose(c.Pose((0.4, 0.1, 0.3), (0.01, 0.02, 0.03)))
+    assert DOCUMENTED.servo_pose(ServoMoveRequest(pose=pose)) == target
+    theirs = VENDOR.servo_pose(ServoMoveRequest(pose=[1.0, 2.0, 3.0, 0.01, 0.02, 0.03]))
     assert theirs.relative and theirs.target.position == pytest.approx((0.001, 0.002, 0.003))
     assert theirs.target.rpy == (0.01, 0.02, 0.03)
 
@@ -192,10 +193,10 @@ REFUSED = [
     (RequestDecoder.jog, jog(mvvelo=-0.5), r"mvvelo is -0.5"),
     (RequestDecoder.jog, jog(mvvelo=0.0, mvacc=-0.5), r"mvacc is -0.5"),
     (RequestDecoder.jog, jog(mvvelo=NAN), r"mvvelo is nan"),
-    (RequestDecoder.servo_joint, ServoMoveRequest(HOME[:5]), r"pose has 5 values"),
-    (RequestDecoder.servo_joint, ServoMoveRequest([NAN] * 6), r"pose\[0\] is nan"),
-    (RequestDecoder.servo_pose, ServoMoveRequest([0.1] * 7), r"pose has 7 values"),
-    (RequestDecoder.servo_pose, ServoMoveRequest([INF] * 6), r"pose\[0\] is inf"),
+    (RequestDecoder.servo_joint, ServoMoveRequest(pose=HOME[:5]), r"pose has 5 values"),
+    (RequestDecoder.servo_joint, ServoMoveRequest(pose=[NAN] * 6), r"pose\[0\] is nan"),
+    (RequestDecoder.servo_pose, ServoMoveRequest(pose=[0.1] * 7), r"pose has 7 values"),
+    (RequestDecoder.servo_pose, ServoMoveRequest(pose=[INF] * 6), r"pose\[0\] is inf"),
     (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 6, 0), r"tool_num is 0; valid: 1 to 11"),
     (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 6, 12), r"tool_num is 12"),
     (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 5, 1), r"pose has 5 values"),
@@ -253,8 +254,8 @@ AUDITED = [
     # read in full, refused by the audit that follows
     (RequestDecoder.linear_move, move(pose=[1e38, 0.0, 300.0, 0.0, 0.0, 0.0], mvvelo=100, mvacc=100),
      "target.position"),
-    (RequestDecoder.servo_pose, ServoMoveRequest([0.4, -3e38, 0.3, 0.0, 0.0, 0.0]), "target.position"),
-    (RequestDecoder.servo_pose, ServoMoveRequest([0.4, 0.0, 0.3, 0.0, 1e38, 0.0]), "target.rpy"),
+    (RequestDecoder.servo_pose, ServoMoveRequest(pose=[0.4, -3e38, 0.3, 0.0, 0.0, 0.0]), "target.position"),
+    (RequestDecoder.servo_pose, ServoMoveRequest(pose=[0.4, 0.0, 0.3, 0.0, 1e38, 0.0]), "target.rpy"),
     (RequestDecoder.tool_frame, SetTcpFrameRequest([1e38, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
     (RequestDecoder.user_frame, SetUserFrameRequest([10001.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
     (RequestDecoder.output, SetIORequest("analog", 0, 0, 1e38), "value"),

@@ -17,10 +17,17 @@ from driver_bench import HOME, evidence_of
 from import_graph import ROOT
 from waiting import eventually
 
-from jaka_msgs.srv import ServoMove, ServoMoveResponse
-from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
+from jaka_msgs.srv import ClearErr, ClearError, ServoMove, ServoMoveRequest, ServoMoveResponse
+from jaka_ros_driver.ros.services.wire_definitions import (
+    ServoMoveAnyRequest,
+    ServoMovePoseRequest,
+    ServoMoveWithSpeedRequest,
+    other_definitions,
+)
 
 WITH_SPEED = "float32[] pose\nfloat32[] speed\n---\nint16 ret\nstring message\n"
+POSE = WITH_SPEED.replace("float32[] speed\n", "")
+POSE_MD5 = "7dad889723cef7fc192c47c7bdf495f2"
 REFUSAL = "not in servo mode"
 GENCPP = Path("/usr/lib/gencpp/gen_cpp.py")
 
@@ -32,11 +39,11 @@ def md5_of(text):
 
 
 @pytest.fixture(scope="module")
-def dynamic_service():
-    """Return the service type as another workspace's generator makes it of the maker's file."""
+def pose_service():
+    """Return the service type as another workspace's generator makes it of the documented definition."""
     name = "jaka_msgs/ServoMoveRequest"
-    request = genpy.dynamic.generate_dynamic(name, WITH_SPEED.split("---")[0])[name]
-    md5 = md5_of(WITH_SPEED)[0]
+    request = genpy.dynamic.generate_dynamic(name, POSE.split("---")[0])[name]
+    md5 = md5_of(POSE)[0]
     return type("ServoMove", (), {"_type": "jaka_msgs/ServoMove", "_md5sum": md5, "_request_class": request,
                                   "_response_class": ServoMoveResponse})
 
@@ -68,30 +75,38 @@ def _block(stream, with_length=False):
 
 
 def test_the_md5s_are_those_of_the_definitions():
-    assert md5_of(WITH_SPEED) == (ServoMoveWithSpeed._md5sum, ServoMoveWithSpeedRequest._md5sum)
-    assert md5_of(WITH_SPEED.replace("float32[] speed\n", ""))[0] == ServoMove._md5sum != ServoMoveWithSpeed._md5sum
+    assert md5_of(WITH_SPEED) == (ServoMove._md5sum, ServoMoveWithSpeedRequest._md5sum)
+    assert md5_of(POSE) == (POSE_MD5, ServoMovePoseRequest._md5sum)
+    assert list(other_definitions(ServoMove)) == [POSE_MD5, "*"]
+    assert [*other_definitions(ClearErr)] == [ClearError._md5sum]
 
 
 @pytest.mark.parametrize("pose, speed", [([], []), ([1.5] * 6, []), ([0.25] * 6, [1.0, 2.0])])
-def test_our_reader_and_the_generated_one_agree(dynamic_service, pose, speed):
-
-    theirs, ours = io.BytesIO(), io.BytesIO()
-    dynamic_service._request_class(pose, speed).serialize(theirs)
-    read = ServoMoveWithSpeedRequest().deserialize(theirs.getvalue())
-    assert (list(read.pose), list(read.speed)) == (pose, speed)
-    read.serialize(ours)
-    assert ours.getvalue() == theirs.getvalue()
+def test_our_reader_and_the_generated_one_agree(pose_service, pose, speed):
+    for generated, reader in ((ServoMoveRequest(pose, speed), ServoMoveWithSpeedRequest),
+                              (ServoMoveRequest(pose, speed), ServoMoveAnyRequest),
+                              (pose_service._request_class(pose), ServoMovePoseRequest)):
+        theirs, ours = io.BytesIO(), io.BytesIO()
+        generated.serialize(theirs)
+        read = reader().deserialize(theirs.getvalue())
+        assert [list(getattr(read, name)) for name in read.__slots__] == [pose, speed][:len(read.__slots__)]
+        read.serialize(ours)
+        assert ours.getvalue() == theirs.getvalue()
 
 
 @pytest.mark.parametrize("cut", range(0, 36, 5))
 def test_a_request_that_ends_too_early_is_an_error_of_its_own_kind(cut):
-    with pytest.raises(genpy.DeserializationError):
-        ServoMoveWithSpeedRequest().deserialize((floats(*HOME) + floats(1.0))[:cut])
+    for kind in (ServoMoveWithSpeedRequest, ServoMoveAnyRequest):
+        with pytest.raises(genpy.DeserializationError):
+            kind().deserialize((floats(*HOME) + floats(1.0))[:cut])
+    if cut < len(floats(*HOME)):
+        with pytest.raises(genpy.DeserializationError):
+            ServoMovePoseRequest().deserialize(floats(*HOME)[:cut])
 
 
 @pytest.mark.parametrize("service", ["servo_j", "servo_p"])
-def test_a_python_client_of_either_definition(arm, dynamic_service, service):
-    for kind, fields in ((ServoMove, {"pose": HOME}), (dynamic_service, {"pose": HOME, "speed": [0.5]})):
+def test_a_python_client_of_either_definition(arm, pose_service, service):
+    for kind, fields in ((pose_service, {"pose": HOME}), (ServoMove, {"pose": HOME, "speed": [0.5]})):
         for persistent in (False, True):
             proxy = rospy.ServiceProxy("%s/%s" % (arm.name, service), kind, persistent=persistent)
             for _ in range(2):
@@ -101,9 +116,9 @@ def test_a_python_client_of_either_definition(arm, dynamic_service, service):
 
 
 @pytest.mark.parametrize("md5sum, body", [
-    (ServoMove._md5sum, floats(*HOME)), (ServoMoveWithSpeed._md5sum, floats(*HOME) + floats()),
-    (ServoMoveWithSpeed._md5sum, floats(*HOME) + floats(1.0, 2.0)), ("*", floats(*HOME)),
-    ("*", floats(*HOME) + floats(1.0))], ids=["ours", "theirs", "theirs with speed", "any", "any, with speed"])
+    (POSE_MD5, floats(*HOME)), (ServoMove._md5sum, floats(*HOME) + floats()),
+    (ServoMove._md5sum, floats(*HOME) + floats(1.0, 2.0)), ("*", floats(*HOME)),
+    ("*", floats(*HOME) + floats(1.0))], ids=["pose", "empty speed", "with speed", "any", "any, with speed"])
 def test_a_client_by_its_bytes(arm, md5sum, body):
     with evidence_of(arm) as call_publisher:
         header, responses = raw_call(arm.name + "/servo_j", md5sum, body, persistent=True, count=3)
@@ -119,28 +134,42 @@ def test_a_client_by_its_bytes(arm, md5sum, body):
 def test_a_client_of_a_third_definition_is_refused(arm):
     proxy = rospy.ServiceProxy(arm.name + "/servo_j", type("Other", (ServoMove,), {"_md5sum": "0" * 32}))
     with pytest.raises(rospy.ServiceException, match="md5sums do not match"):
-        proxy(HOME)
+        proxy(pose=HOME)
 
 
-def test_the_second_definition_moves_the_arm(arm, dynamic_service):
+def test_the_documents_definition_moves_the_arm(arm, pose_service):
     arm.go_home()
     assert arm.call("servo_move_enable", enable=True).ret == 1
-    proxy = rospy.ServiceProxy(arm.name + "/servo_j", dynamic_service)
-    assert proxy(pose=[0.03] + HOME[1:], speed=[]).ret == 1
+    proxy = rospy.ServiceProxy(arm.name + "/servo_j", pose_service)
+    assert proxy(pose=[0.03] + HOME[1:]).ret == 1
     assert eventually(lambda: arm.simulator.state()["joint_position"][0] > 1.7)
     assert arm.call("servo_move_enable", enable=False).ret == 1
 
 
-@pytest.fixture(scope="module", params=["ours", "theirs"])
+@pytest.mark.parametrize("service_type", [ClearErr, ClearError])
+def test_clear_err_serves_clients_of_both_types_and_says_which(arm, service_type):
+    fields = {"enable": True} if service_type is ClearError else {}
+    with evidence_of(arm) as calls:
+        assert rospy.ServiceProxy(arm.name + "/clear_err", service_type)(**fields).ret == 1
+        assert eventually(lambda: len(calls()) == 1)
+    assert (calls()[0].service_type, calls()[0].md5sum) == (service_type._type, service_type._md5sum)
+
+
+def test_a_clear_error_with_enable_false_clears_nothing(arm):
+    answer = rospy.ServiceProxy(arm.name + "/clear_err", ClearError)(enable=False)
+    assert answer.ret == 0 and "enable is false" in answer.message
+
+
+@pytest.fixture(scope="module", params=["installed", "pose"])
 def cpp_client(request, tmp_path_factory):
     """Build a roscpp executable with one of the definitions."""
     folder = tmp_path_factory.mktemp("cpp")
     definition = ROOT / "jaka_msgs" / "srv" / "ServoMove.srv"
-    flags = []
-    if request.param == "theirs":
+    flags = ["-DWITH_SPEED"]
+    if request.param == "pose":
         definition = folder / "ServoMove.srv"
-        definition.write_text(WITH_SPEED)
-        flags = ["-DWITH_SPEED"]
+        definition.write_text(POSE)
+        flags = []
     headers = folder / "include" / "jaka_msgs"
     headers.mkdir(parents=True)
     program = folder / "call_servo_move"

@@ -60,7 +60,7 @@ def stream(amplitude, seconds):
     begun = time.monotonic()
     count = int(125.0 * seconds)
     for number in range(count + 1):
-        send([BESIDE[0] + amplitude * (1.0 - math.cos(2.0 * math.pi * number / count)), *BESIDE[1:]])
+        send(pose=[BESIDE[0] + amplitude * (1.0 - math.cos(2.0 * math.pi * number / count)), *BESIDE[1:]])
         time.sleep(max(0.0, begun + (number + 1) / 125.0 - time.monotonic()))
     rospy.sleep(0.3)
     call("servo_move_enable", ServoMoveEnable, False)

@@ -124,6 +124,8 @@ def _trigger(name: str) -> Callable[[Driver, Mapping[str, Any]], CallResult]:
 
 
 def _clear_err(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+    if roslib_message.get_service_class("jaka_msgs/ClearErr") is None:  # the maker's jaka_msgs; the driver takes both
+        return _told(_call(driver, "clear_err", "jaka_msgs/ClearError", enable=True))
     return _told(_call(driver, "clear_err", "jaka_msgs/ClearErr"))
 
 

@@ -71,7 +71,7 @@ def _inside(calls: Sequence[Call], lag: float, common: Tuple[float, float], oute
 
 
 def _entries(calls: Sequence[Call], limits: CallTolerance) -> List[Entry]:
-    return [Entry((call.md5sum, call.request if limits.request == "exact" else b""), call.start) for call in calls]
+    return [Entry(call.meaning if limits.request == "exact" else (call.meaning[0], b""), call.start) for call in calls]
 
 
 def _outcome(call: Call) -> str:
@@ -133,7 +133,8 @@ def _between(places: Sequence[Tuple[int, int]], ours: Sequence[Call], theirs: Se
     for end_g, end_c in [*places, (len(ours), len(theirs))]:
         gone, come = ours[first_g:end_g], theirs[first_c:end_c]
         result += [(None if i is None else gone[i], None if j is None else come[j]) for i, j in pair(
-            [Entry(call.md5sum, call.start) for call in gone], [Entry(call.md5sum, call.start) for call in come], lag)]
+            [Entry(call.meaning[0], call.start) for call in gone],
+            [Entry(call.meaning[0], call.start) for call in come], lag)]
         first_g, first_c = end_g + 1, end_c + 1
     return result
 

@@ -7,6 +7,7 @@ from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequenc
 
 import numpy as np
 
+from ...driver_interface import plain_request
 from ...messages.batch import Array
 from .call_text import as_typed
 
@@ -236,6 +237,11 @@ class Call(NamedTuple):
     def end(self) -> float:
         """The time of the answer, s."""
         return self.start + self.duration
+
+    @property
+    def meaning(self) -> Tuple[str, bytes]:
+        """The md5 and the request, the same for both definitions of ServoMove where ``speed`` is empty."""
+        return plain_request(self.md5sum, self.request)
 
     @property
     def short_name(self) -> str:

@@ -20,6 +20,28 @@ class ClearErrResponse(genpy.Message):
         message: str = ...,
     ) -> None: ...
 
+class ClearError:
+    _type: ClassVar[str]
+    _md5sum: ClassVar[str]
+    _request_class: ClassVar[type[ClearErrorRequest]]
+    _response_class: ClassVar[type[ClearErrorResponse]]
+
+class ClearErrorRequest(genpy.Message):
+    enable: bool
+    def __init__(
+        self,
+        enable: bool = ...,
+    ) -> None: ...
+
+class ClearErrorResponse(genpy.Message):
+    ret: int
+    message: str
+    def __init__(
+        self,
+        ret: int = ...,
+        message: str = ...,
+    ) -> None: ...
+
 class GetFK:
     _type: ClassVar[str]
     _md5sum: ClassVar[str]
@@ -184,9 +206,11 @@ class ServoMoveEnableResponse(genpy.Message):
 
 class ServoMoveRequest(genpy.Message):
     pose: Sequence[float]
+    speed: Sequence[float]
     def __init__(
         self,
         pose: Sequence[float] = ...,
+        speed: Sequence[float] = ...,
     ) -> None: ...
 
 class ServoMoveResponse(genpy.Message):
