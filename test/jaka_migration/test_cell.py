@@ -1,5 +1,4 @@
-"""migrate_cell: what it reports of a cell, the bytes that it writes, and what it does with files that are not as they
-should be."""
+"""The program migrate_cell: its report of a cell, the bytes that it writes, files that are not as they should be."""
 import os
 import re
 import stat
@@ -10,7 +9,7 @@ from program_places import command_of
 
 from jaka_migration.cell import main
 from jaka_migration.launch_changes import Wanted, examine
-from jaka_migration.launch_file import LaunchFileError, elements
+from jaka_migration.launch_file import UnreadableLaunchFile, elements
 
 INCLUDE = b"""<launch>
   <arg name="ip"/>
@@ -137,8 +136,8 @@ def test_each_subject_is_reported_with_its_lines_and_nothing_is_changed(tmp_path
     assert main([str(tmp_path)]) == 0
     said = capsys.readouterr().out
     for place in ("launch/cell.launch:4: <node pkg=\"jaka_driver\"", "launch/cell.launch:3: <param",
-                  "launch/cell.launch:6:", "package.xml:1:", "pick:3: from jaka_msgs.srv import ClearError", "pick:5:", "pick:6:", "pick:8:",
-                  "pick:9:", "node.cpp:1:", "vendor_2025: pick"):
+                  "launch/cell.launch:6:", "package.xml:1:", "pick:3: from jaka_msgs.srv import ClearError", "pick:5:",
+                  "pick:6:", "pick:8:", "pick:9:", "node.cpp:1:", "vendor_2025: pick"):
         assert place in said, place
     assert "pick:7" not in said and "other.py" not in said and "node.cpp:2" not in said and "\\xb0" not in said
     for title in ("maker's driver is started", "MoveIt server", "parameter ip", "servo_p", "servo_j", "jog", "set_io",
@@ -243,7 +242,7 @@ def test_elements_are_found_at_their_bytes_behind_a_mark_and_in_words_of_any_lan
     root, arg = elements(text)
     assert text[arg.begin:arg.head_end].decode() == "<arg name='说' default=\"a>b\"/>" and arg.parent is root
     assert arg.get("default") == "a>b" and arg.get("name") == "说" and text[root.close:] == b"</launch>"
-    with pytest.raises(LaunchFileError, match="line 1, column 9"):
+    with pytest.raises(UnreadableLaunchFile, match="line 1, column 9"):
         elements(b"<launch>\n"[:-1] + b"&x;")
 
 

@@ -12,9 +12,9 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 
 from .cell_files import LAUNCH, IsLink, NotDone, read, replace, single, walk
-from .findings import SUBJECTS, Finding, in_program, interfaces_seen
+from .findings import SUBJECTS, CellFinding, in_program, interfaces_seen
 from .launch_changes import Wanted, examine
-from .launch_file import LaunchFileError
+from .launch_file import UnreadableLaunchFile
 
 _ADDRESS = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?\Z")
 _LONGEST = 100
@@ -37,7 +37,7 @@ class _Change(NamedTuple):
 
 
 class _Cell:
-    """What was read below a folder.
+    """The result of reading the files below a folder.
 
     Attributes:
         places: For each subject the lines in which it was found.
@@ -87,7 +87,7 @@ class _Cell:
     def _launch_file(self, path: str, data: bytes) -> None:
         try:
             result = examine(data, self._wanted)
-        except LaunchFileError as error:
+        except UnreadableLaunchFile as error:
             self.problems.append(_at(path, "%s: not looked at" % error))
             return
         self._found(path, result.findings)
@@ -97,7 +97,7 @@ class _Cell:
         if result.text != data:
             self.changes.append(_Change(path, data, result.text))
 
-    def _found(self, path: str, findings: List[Finding]) -> None:
+    def _found(self, path: str, findings: List[CellFinding]) -> None:
         for one in findings:
             self.places.setdefault(one.subject, []).append("%s:%d: %s" % (shown(path), one.line, _line(one.text)))
 

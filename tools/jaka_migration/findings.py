@@ -1,4 +1,4 @@
-"""What a cell's files have of the maker's driver: each subject with its meaning there and what is to be done here."""
+"""The points on which a cell may depend on the maker's driver: each subject with its meaning there and what is to be done here."""
 import re
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 
@@ -11,7 +11,7 @@ class Subject(NamedTuple):
     todo: str
 
 
-class Finding(NamedTuple):
+class CellFinding(NamedTuple):
     """A place in a file: subject, line from 1, the bytes that are there."""
 
     subject: str
@@ -41,10 +41,11 @@ SUBJECTS: Dict[str, Subject] = {
         "this package do not set it: who else reads it needs it set by the cell."),
     "servo_p": Subject(
         "servo_p", "each target is an increment: mm, and roll pitch yaw in rad.",
-        "Nothing with interface vendor or vendor_2025. (documented: absolute, in m.)"),
+        "Nothing with interface vendor or vendor_2025 (documented: absolute, in m). Between servo_j and servo_p the "
+        "arm must rest: leave servo mode and enter it again."),
     "servo_j": Subject(
         "servo_j", "each target is an increment, rad.",
-        "Nothing with interface vendor or vendor_2025. (documented: absolute.)"),
+        "Nothing with interface vendor or vendor_2025 (documented: absolute)."),
     "linear_move": Subject(
         "linear_move: its orientation", "driver of 2024: ends at the inverse of the rotation vector's rotation; of "
         "2025: roll pitch yaw, rad.", "Nothing with the interface of the driver that the cell was written for."),
@@ -90,7 +91,7 @@ _COMMENTS = {".py": (b"#",), ".sh": (b"#",), ".yaml": (b"#",), ".cpp": (b"//", b
 _TYPES = (("vendor_2025", re.compile(rb"\bPoseStamped\b")), ("vendor", re.compile(rb"\bTwistStamped\b")))
 
 
-def in_program(data: bytes, kind: str) -> Iterator[Finding]:
+def in_program(data: bytes, kind: str) -> Iterator[CellFinding]:
     """Yield what a program, script or manifest has of the maker's driver.
 
     kind: Ending of its name, which tells how comments begin: ".py", ".sh", ".yaml", ".cpp", or another.
@@ -103,12 +104,12 @@ def in_program(data: bytes, kind: str) -> Iterator[Finding]:
         if speaks_of_it:
             for subject, pattern in _IN_PROGRAMS:
                 if pattern.search(line):
-                    yield Finding(subject, number, line)
+                    yield CellFinding(subject, number, line)
         if _GLOBAL_IP.search(line):
-            yield Finding("ip", number, line)
+            yield CellFinding("ip", number, line)
 
 
-def interfaces_seen(data: bytes, findings: List[Finding]) -> List[str]:
+def interfaces_seen(data: bytes, findings: List[CellFinding]) -> List[str]:
     """Return the interfaces whose type of tool_position a program names, where it reads that topic."""
     if not any(one.subject == "tool_position" for one in findings):
         return []

@@ -1,9 +1,9 @@
-"""What a launch file of a cell has of the maker's packages, and the edits with which it starts this driver instead."""
+"""The maker's packages in a launch file of a cell, and the edits with which it starts this driver instead."""
 import re
 from dataclasses import dataclass, field
 from typing import List, Optional
 
-from .findings import Finding
+from .findings import CellFinding
 from .launch_file import Edit, Element, elements, insertion, with_edits
 
 _FIND = re.compile(r"find\s*\(?\s*['\"]?jaka_driver\b")
@@ -15,7 +15,7 @@ _OURS = b"jaka_ros_driver"
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the driver is to be started with: values of its parameters; ``ip`` is "" where the files have it."""
+    """The parameters with which the driver is to be started; ``ip`` is "" where the files have it."""
 
     interface: str
     model: str
@@ -34,7 +34,7 @@ class LaunchFile:
         takes_ip: How many of them get the address of ``Wanted``.
     """
 
-    findings: List[Finding] = field(default_factory=list)
+    findings: List[CellFinding] = field(default_factory=list)
     text: bytes = b""
     against: List[str] = field(default_factory=list)
     drivers: int = 0
@@ -45,7 +45,7 @@ def examine(data: bytes, wanted: Optional[Wanted]) -> LaunchFile:
     """Return what a launch file has, and its bytes as ``wanted`` (None: as they are).
 
     Raises:
-        LaunchFileError: It cannot be read as XML.
+        UnreadableLaunchFile: It cannot be read as XML.
     """
     result = LaunchFile()
     edits: List[Edit] = []
@@ -81,7 +81,7 @@ def _is_hidden_start(one: Element) -> bool:
 def _look(data: bytes, one: Element, result: LaunchFile) -> None:
     """Note what one element has of the maker's packages."""
     def found(subject: str) -> None:
-        result.findings.append(Finding(subject, one.line, data[one.begin:one.head_end]))
+        result.findings.append(CellFinding(subject, one.line, data[one.begin:one.head_end]))
 
     kind = _kind(one)
     if (kind == "node" and one.get("pkg") == "jaka_driver") or _is_hidden_start(one):

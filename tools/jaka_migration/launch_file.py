@@ -9,7 +9,7 @@ _TAG = re.compile(rb"""<[\w:.-]+(?:\s+[\w:.-]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/?>
 _ASCII_COMPATIBLE = {"utf-8", "us-ascii", "ascii", "iso-8859-1"}
 
 
-class LaunchFileError(ValueError):
+class UnreadableLaunchFile(ValueError):
     """The error that a file is no XML in which elements can be changed in place; the text has the line."""
 
 
@@ -75,7 +75,7 @@ def elements(data: bytes) -> List[Element]:
     """Return every element of a file, in its order.
 
     Raises:
-        LaunchFileError: It is no XML, declares entities (whose text stands elsewhere), or is in an encoding in which
+        UnreadableLaunchFile: It is no XML, declares entities (whose text stands elsewhere), or is in an encoding in which
             ASCII does not stand for itself.
     """
     found: List[Element] = []
@@ -86,7 +86,7 @@ def elements(data: bytes) -> List[Element]:
         begin, line = parser.CurrentByteIndex, parser.CurrentLineNumber
         text = _TAG.match(data, begin)
         if text is None:
-            raise LaunchFileError("line %d: the tag %s cannot be found in the bytes" % (line, tag))
+            raise UnreadableLaunchFile("line %d: the tag %s cannot be found in the bytes" % (line, tag))
         places = {one.group(1).decode("utf-8", "replace"): one for one in _ATTRIBUTE.finditer(data, begin, text.end())}
         one = Element(tag, line, begin, text.end(), text.end(), text.group().endswith(b"/>"),
                       {name: Attribute(value, places[name].start(2) + 1, places[name].end(2) - 1)
@@ -103,21 +103,21 @@ def elements(data: bytes) -> List[Element]:
 
     def declares(_: str, encoding: Optional[str], __: int) -> None:
         if encoding is not None and encoding.lower() not in _ASCII_COMPATIBLE:
-            raise LaunchFileError("line 1: the encoding %s; valid: UTF-8, ASCII, ISO-8859-1" % encoding)
+            raise UnreadableLaunchFile("line 1: the encoding %s; valid: UTF-8, ASCII, ISO-8859-1" % encoding)
 
     def has_entity(*_: object) -> None:
-        raise LaunchFileError("line %d: it declares an entity" % parser.CurrentLineNumber)
+        raise UnreadableLaunchFile("line %d: it declares an entity" % parser.CurrentLineNumber)
 
     parser.StartElementHandler = begins
     parser.EndElementHandler = ends
     parser.XmlDeclHandler = declares
     parser.EntityDeclHandler = has_entity
     if data[:2] in (b"\xff\xfe", b"\xfe\xff") or data[:1] == b"\0" or data[1:2] == b"\0":
-        raise LaunchFileError("line 1: the encoding is not UTF-8 (UTF-16 or binary)")
+        raise UnreadableLaunchFile("line 1: the encoding is not UTF-8 (UTF-16 or binary)")
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise LaunchFileError("line %d, column %d: no XML: %s" % (
+        raise UnreadableLaunchFile("line %d, column %d: no XML: %s" % (
             error.lineno, error.offset + 1, expat.errors.messages[error.code])) from None
     return found
 
