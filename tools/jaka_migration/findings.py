@@ -1,4 +1,4 @@
-"""The points on which a cell may depend on the maker's driver: each subject with its meaning there and what is to be done here."""
+"""The points on which a cell may depend on the maker's driver, each with its meaning there and what to do here."""
 import re
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 

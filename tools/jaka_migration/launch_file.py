@@ -75,8 +75,8 @@ def elements(data: bytes) -> List[Element]:
     """Return every element of a file, in its order.
 
     Raises:
-        UnreadableLaunchFile: It is no XML, declares entities (whose text stands elsewhere), or is in an encoding in which
-            ASCII does not stand for itself.
+        UnreadableLaunchFile: It is no XML, declares entities (whose text stands elsewhere), or is in an encoding in
+            which ASCII does not stand for itself.
     """
     found: List[Element] = []
     around: List[Element] = []
