@@ -348,7 +348,24 @@ class GetAnalogOutput:
     index: int
 
 
-TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAnalogOutput)
+@dataclass(frozen=True)
+class GetDigitalInput:
+    """The question for the value of one digital input. Result: bool."""
+
+    bank: IoBank
+    index: int
+
+
+@dataclass(frozen=True)
+class GetAnalogInput:
+    """The question for the value of one analog input. Result: float."""
+
+    bank: IoBank
+    index: int
+
+
+TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAnalogOutput, GetDigitalInput,
+                     GetAnalogInput)
 """The commands that name one input or output by its index."""
 
 MoveCommand = Union[JointMove, LinearMove]
@@ -360,7 +377,8 @@ Command = Union[
     SetServoMode, ServoJoint, ServoPose,
     SetPower, SetEnabled, ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload,
     SetHandGuiding, SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
-    ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput, ZeroForceSensor]
+    ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput, GetDigitalInput,
+    GetAnalogInput, ZeroForceSensor]
 
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))
 

@@ -40,6 +40,9 @@ class ClientSettings:
             0 where it is not asked.
         io_index_base: Index on the wire of the first input or output, 0 or 1; None where the controller's version tells
             (docs/controller-protocol.md section 13).
+        takes_io_as_counted: True where the controller's own count of the terminals stands, as with the maker's driver:
+            an output that is set may be seen at either place that its index on the wire can mean. False: it must be
+            seen at its own place in the status frame.
         simulator: Identity of the simulated controller that was launched with this driver; with it, no other controller
             is used. Empty for any controller.
     """
@@ -69,4 +72,5 @@ class ClientSettings:
     jog_max_angular_speed: float = 0.5
     link_loss_stop: float = 0.3
     io_index_base: Optional[int] = None
+    takes_io_as_counted: bool = False
     simulator: str = ""

@@ -316,5 +316,7 @@ _CHECKERS: Dict[type, Checker] = {
     commands.Query: _fields(),
     commands.GetDigitalOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
     commands.GetAnalogOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
+    commands.GetDigitalInput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
+    commands.GetAnalogInput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
     commands.ZeroForceSensor: _fields(),
 }

@@ -230,6 +230,8 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
         "jointPosition": all_rad_to_deg(k.reference), "cartPosition": _pose(k.target)}),
     c.GetDigitalOutput: ("get_digital_output", _terminal),
     c.GetAnalogOutput: ("get_analog_output", _terminal),
+    c.GetDigitalInput: ("get_digital_input", _terminal),
+    c.GetAnalogInput: ("get_analog_input", _terminal),
     c.ZeroForceSensor: ("zero_end_sensor", lambda _: {}),
 }
 
@@ -275,6 +277,8 @@ _DECODERS: Dict[Type[Any], Callable[[Mapping[str, Any]], Any]] = {
     c.InverseKinematics: lambda r: _joints(r["jointPosition"]),
     c.GetDigitalOutput: lambda r: _truth(r["value"]),
     c.GetAnalogOutput: lambda r: _number(r["value"]),
+    c.GetDigitalInput: lambda r: _truth(r["value"]),
+    c.GetAnalogInput: lambda r: _number(r["value"]),
 }
 
 _QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] = {

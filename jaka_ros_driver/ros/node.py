@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from typing import Callable, List, Optional
+from typing import Any, Callable, List, Optional, Tuple
 
 import rospy
 from std_msgs.msg import Bool
@@ -29,7 +29,7 @@ from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
-from jaka_ros_driver.ros.params import DriverConfig, config_from
+from jaka_ros_driver.ros.params import DriverConfig, config_from, with_common_ip
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.path_action import PathAction
@@ -325,7 +325,10 @@ class _Life:
 
     def _run(self) -> None:
         try:
-            config = config_from(rospy.get_param("~", {}))
+            values, notice = with_common_ip(rospy.get_param("~", {}), *_common_ip())
+            if notice:
+                _LOG.warning("%s", notice)
+            config = config_from(values)
             _set_scheduler(config.realtime_priority)
             refuse_unreachable_node()
             refuse_taken_topics(config)
@@ -366,6 +369,18 @@ class _Signals:
         """Wait until a signal has come, or for ``timeout``, s."""
         if select.select([self._woken], [], [], timeout)[0]:
             os.read(self._woken, 64)
+
+
+def _common_ip() -> Tuple[str, Any]:
+    """Return name and value of the nearest parameter ``ip`` in the node's namespace or above it; "" for none."""
+    space = rospy.get_name().rpartition("/")[0] + "/"
+    while True:
+        value = rospy.get_param(space + "ip", None)
+        if value is not None:
+            return space + "ip", value
+        if space == "/":
+            return "", None
+        space = space.rstrip("/").rpartition("/")[0] + "/"
 
 
 def _print_urdf(options: argparse.Namespace) -> int:

@@ -135,7 +135,10 @@ def _io_index_base(value: Any) -> Optional[int]:
 class DriverConfig:
     """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
 
-    ip: str = _parameter("127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller.", _host)
+    ip: str = _parameter(
+        "127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller. Where it is not set and "
+        "~simulator is not either, the parameter `ip` of the node's namespace, or of the nearest one above it that has "
+        "one, is taken instead, as the maker's driver does; the log says so.", _host)
     command_port: int = _integer(PORT_NUMBERS["command"], 1, 65535, "Its request and reply port.")
     status_port: int = _integer(PORT_NUMBERS["status"], 1, 65535, "Its status feed.")
     model: str = _parameter("zu7", "text", "", "one of " + ", ".join(model_names()),
@@ -155,7 +158,10 @@ class DriverConfig:
         "lost this driver during a motion; 0: it is not asked.")
     io_index_base: Optional[int] = _parameter(
         None, "text or number", "", "auto, 0, 1", "Index with which the controller counts its first input and output. "
-        "Default: auto, 1 for controllers from version 1.7 on, else 0; which is right is not known for certain.",
+        "Default: auto, 1 for controllers from version 1.7 on, else 0; which is right is not known for certain. With "
+        "interface vendor auto is 0 and with vendor_2025 it is 1, on every controller, as the maker's drivers send it; "
+        "then the terminal that is seen to change counts as the one that was meant, and with 1 get_io asks the "
+        "controller with the same index.",
         _io_index_base)
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
                            "With it, the driver uses no controller but the simulated one of this identity; set by the "
@@ -255,6 +261,22 @@ class DriverConfig:
         return self.interface == VENDOR_2025
 
     @property
+    def sent_index_base(self) -> Optional[int]:
+        """The index on the wire of the first terminal; None where the controller's version tells.
+
+        SDK 2.1.11, of the maker's driver of 2024, sends its caller's index; 2.1.14, of that of 2025, the index plus 1
+        (docs/controller-protocol.md section 5.11).
+        """
+        if self.io_index_base is not None or not self.is_vendor:
+            return self.io_index_base
+        return int(self.is_vendor_2025)
+
+    @property
+    def asks_for_terminals(self) -> bool:
+        """True where get_io asks the controller, as SDK 2.1.14 does, and does not look into the status frame."""
+        return self.is_vendor and self.sent_index_base == 1
+
+    @property
     def activates_frames(self) -> bool:
         """True where a frame that is set also becomes the active one."""
         return not self.is_vendor if self.activate_frames is None else self.activate_frames
@@ -266,11 +288,12 @@ class DriverConfig:
 
     def client_settings(self) -> ClientSettings:
         """Return the settings of the client."""
-        return ClientSettings(
+        settings = ClientSettings(
             host=self.ip,
             feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
             **{f.name: getattr(self, f.name) for f in dataclasses.fields(ClientSettings)
                if hasattr(self, f.name)})
+        return dataclasses.replace(settings, io_index_base=self.sent_index_base, takes_io_as_counted=self.is_vendor)
 
     def arm_model(self) -> ArmModel:
         """Return the arm, from ``dh_file`` or by its name; raise InvalidCommand where the file is wrong by now."""
@@ -305,6 +328,31 @@ def config_from(values: Mapping[str, Any]) -> DriverConfig:
     if wrong:
         raise WrongParameter("; ".join(wrong))
     return config
+
+
+def with_common_ip(values: Mapping[str, Any], name: str, common: Any) -> Tuple[Mapping[str, Any], str]:
+    """Return the private parameters with the address that the maker's driver would take, and what the log must say.
+
+    Args:
+        values: The private parameters that are set.
+        name: Full name of the parameter ``ip`` that the maker's driver would read; "" where there is none.
+        common: Its value.
+
+    Raises:
+        WrongParameter: It would be taken and is no address: it may belong to something else.
+    """
+    if not name:
+        return values, ""
+    own = values.get("ip", "127.0.0.1")
+    if "ip" in values or values.get("simulator"):
+        return values, "" if common == own else "%s is %.100r, and is not used: ~ip is %.100r" % (name, common, own)
+    try:
+        address = _host(common)
+    except ValueError:
+        raise WrongParameter(
+            "~ip is not set, and %s is %.100r; valid: host name or IPv4 address. Where it belongs to something else, "
+            "set ~ip of this node" % (name, common)) from None
+    return {**values, "ip": address}, "~ip is not set: the controller is the one that %s names, %s" % (name, address)
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

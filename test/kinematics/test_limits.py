@@ -38,7 +38,8 @@ GOOD = [
     c.SetDigitalOutput(IoBank.TOOL, 0, True), c.SetAnalogOutput(IoBank.CABINET, 7, -4.5), c.SetRapidRate(0.0),
     c.SetRapidRate(1.0), c.SetFeedPeriod(0.008), c.ForwardKinematics(HOME), c.InverseKinematics(POSE, HOME),
     c.SetLinkLoss(0.0), c.SetLinkLoss(0.3), c.Query.VERSION, c.Query.PAYLOAD, c.GetDigitalOutput(IoBank.EXTENSION, 63),
-    c.GetAnalogOutput(IoBank.TOOL, 0), c.ZeroForceSensor(),
+    c.GetAnalogOutput(IoBank.TOOL, 0), c.GetDigitalInput(IoBank.TOOL, 0), c.GetAnalogInput(IoBank.TOOL, 0),
+    c.ZeroForceSensor(),
 ]
 
 COMMAND_CLASSES = typing.get_args(c.Command)

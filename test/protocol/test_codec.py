@@ -74,6 +74,8 @@ REQUESTS = [
      {"cmdName": "kine_inverse", "jointPosition": WIRE_JOINTS, "cartPosition": WIRE_POSE}),
     (c.GetDigitalOutput(IoBank.TOOL, 1), {"cmdName": "get_digital_output", "type": 1, "index": 1}),
     (c.GetAnalogOutput(IoBank.CABINET, 0), {"cmdName": "get_analog_output", "type": 0, "index": 0}),
+    (c.GetDigitalInput(IoBank.TOOL, 2), {"cmdName": "get_digital_input", "type": 1, "index": 2}),
+    (c.GetAnalogInput(IoBank.CABINET, 0), {"cmdName": "get_analog_input", "type": 0, "index": 0}),
     (c.ZeroForceSensor(), {"cmdName": "zero_end_sensor"}),
     (c.Query.VERSION, {"cmdName": "get_version"}),
     (c.Query.SERVO_MODE, {"cmdName": "is_in_servomove"}),
@@ -140,6 +142,8 @@ def test_a_number_that_is_not_finite_is_never_encoded(make, bad):
     (c.Query.HAND_GUIDING, {"status": 1}, True),
     (c.GetDigitalOutput(IoBank.CABINET, 0), {"value": 1}, True),
     (c.GetAnalogOutput(IoBank.CABINET, 0), {"value": 4.5}, 4.5),
+    (c.GetDigitalInput(IoBank.CABINET, 0), {"value": 1}, True),
+    (c.GetAnalogInput(IoBank.CABINET, 0), {"value": 4.5}, 4.5),
     (c.Stop(), {}, None)])
 def test_replies_become_results(command, reply, result):
     assert codec.decode(command, dict(reply, errorCode="0", errorMsg="")) == result

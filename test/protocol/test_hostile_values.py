@@ -155,6 +155,7 @@ REPLIES = [
     (c.InverseKinematics(POSE, JOINTS), {"jointPosition": WIRE_JOINTS}),
     (c.GetDigitalOutput(IoBank.TOOL, 0), {"value": 1}),
     (c.GetAnalogOutput(IoBank.TOOL, 0), {"value": 4.5}),
+    (c.GetDigitalInput(IoBank.TOOL, 0), {"value": 1}), (c.GetAnalogInput(IoBank.TOOL, 0), {"value": 4.5}),
     (c.Query.VERSION, {"version": "1.5.14"}),
     (c.Query.SERVO_MODE, {"in_servomove": True}),
     (c.Query.FEED_PERIOD, {"port10000_delay_ms": "8"}),

@@ -79,6 +79,35 @@ def test_the_index_base_is_a_number_or_its_text(value, base):
     assert config_from({}).client_settings().io_index_base is None
 
 
+@pytest.mark.parametrize("given, base, as_counted", [
+    ({"interface": "vendor"}, 0, True), ({"interface": "vendor_2025"}, 1, True),
+    ({"interface": "vendor_2025", "io_index_base": 0}, 0, True), ({"interface": "vendor", "io_index_base": 1}, 1, True),
+    ({"interface": "documented"}, None, False), ({"io_index_base": 1}, 1, False)])
+def test_the_index_base_is_that_of_the_makers_drivers_on_every_firmware(given, base, as_counted):
+    settings = config_from(given).client_settings()
+    assert (settings.io_index_base, settings.takes_io_as_counted) == (base, as_counted)
+    assert config_from(given).asks_for_terminals is (as_counted and base == 1)
+
+
+@pytest.mark.parametrize("own, name, common, ip, said", [
+    ({}, "/ip", "10.5.5.100", "10.5.5.100", "/ip names, 10.5.5.100"),
+    ({}, "/left/ip", "arm-2.cell", "arm-2.cell", "/left/ip names"),
+    ({"ip": "127.0.0.1", "simulator": "sim_1"}, "/ip", "10.5.5.100", "127.0.0.1", "not used: ~ip is '127.0.0.1'"),
+    ({"simulator": "sim_1"}, "/ip", "10.5.5.100", "127.0.0.1", "not used"),
+    ({"ip": "10.5.5.101"}, "/ip", {"of": "a camera"}, "10.5.5.101", "not used"),
+    ({"ip": "10.5.5.100"}, "/ip", "10.5.5.100", "10.5.5.100", None), ({}, "", None, "127.0.0.1", None)])
+def test_the_makers_address_is_taken_where_there_is_none_of_its_own_and_that_is_said(own, name, common, ip, said):
+    values, notice = params.with_common_ip(own, name, common)
+    assert config_from(values).ip == ip
+    assert (notice == "") if said is None else said in notice
+
+
+@pytest.mark.parametrize("common", [{"of": "a camera"}, 7, "", "10.5.5", "the arm", ["10.5.5.1"], True, "10.5.5.1:80"])
+def test_a_common_ip_that_is_no_address_is_refused_and_not_passed_over(common):
+    with pytest.raises(WrongParameter, match="~ip is not set, and /ip is .*valid: host name or IPv4 address.*set ~ip"):
+        params.with_common_ip({}, "/ip", common)
+
+
 def test_all_mistakes_are_told_at_once():
     with pytest.raises(WrongParameter) as refusal:
         config_from({"blocking": "yes", "modle": "zu7", "status_port": 0})
@@ -103,7 +132,8 @@ def test_a_low_rate_of_the_topics_does_not_slow_down_what_custody_sees():
 
 
 def test_every_setting_of_the_client_is_a_parameter():
-    settings = {field.name for field in dataclasses.fields(ClientSettings)} - {"host", "feed_period"}
+    settings = {field.name for field in dataclasses.fields(ClientSettings)} - {
+        "host", "feed_period", "takes_io_as_counted"}
     assert settings <= {field.name for field in dataclasses.fields(DriverConfig)}
 
 

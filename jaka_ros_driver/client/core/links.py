@@ -93,6 +93,7 @@ class Links:
         self.is_ready = False
         self.is_servo_active = False
         self.about = session.About()
+        self.is_output_reported = False
 
     # ---- what is known ----
 
@@ -282,6 +283,7 @@ class Links:
             return
         self._handshake = None
         self.about = about
+        self.is_output_reported = False
         self._feed.confirmed(about.feed_period)
         self.is_servo_active = about.is_servo_active
         self._channel.io_index_base = session.io_index_base(self._settings, about.version)

@@ -1,7 +1,7 @@
 """The handlers that carry services out with the arm, after a request was decoded to a command."""
 import threading
 from dataclasses import dataclass
-from typing import Any, Mapping, Sequence, Union
+from typing import Any, Callable, Dict, Mapping, Sequence, Tuple, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -12,6 +12,11 @@ from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.state import IoBank, RobotState
+
+_QUERIES: Dict[Tuple[bool, bool], Callable[[IoBank, int], c.Command]] = {
+    (True, False): c.GetDigitalInput, (True, True): c.GetDigitalOutput, (False, False): c.GetAnalogInput,
+    (False, True): c.GetAnalogOutput}
+"""Questions by: is it digital, is it an output."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,14 @@ class ServiceHandlers:
         return ServiceOutcome(self._arm.run(settings.zero_force_sensor, exclusive=True))
 
     def read(self, terminal: Terminal) -> ServiceOutcome:
-        """Serve get_io: return the value in the status feed; ask for an output that the feed does not contain."""
+        """Serve get_io: return the value in the status feed; ask for an output that the feed does not contain.
+
+        With ``vendor_2025`` the controller is asked in any case, as the maker's SDK 2.1.14 does: where it counts from
+        0, both set and get mean the terminal after the one of this index.
+        """
+        if self._config.asks_for_terminals:
+            return ServiceOutcome(str(terminal), float(self._arm.execute(
+                _QUERIES[terminal.is_digital, terminal.is_output](terminal.bank, terminal.index))))
         values = _bank_values(self._arm.fresh_state(), terminal)
         if values is not None:
             if terminal.index >= len(values):
@@ -120,7 +132,7 @@ class ServiceHandlers:
             return ServiceOutcome(str(terminal), float(values[terminal.index]))
         if not terminal.is_output:
             raise InvalidCommand("the controller does not report %s" % terminal)
-        query = c.GetDigitalOutput if terminal.is_digital else c.GetAnalogOutput
+        query = _QUERIES[terminal.is_digital, True]
         return ServiceOutcome(str(terminal), float(self._arm.execute(query(terminal.bank, terminal.index))))
 
     def clear_error(self, _: None) -> ServiceOutcome:

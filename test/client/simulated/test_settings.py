@@ -94,6 +94,23 @@ def test_another_output_than_the_asked_one_is_an_error_that_names_both(driver, c
         settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 3, 1.5))
 
 
+@pytest.mark.parametrize("driver, controller, seen", [(0, 0, 3), (0, 1, 2), (1, 0, 4), (1, 1, 3)])
+def test_with_the_makers_indices_the_terminal_that_changes_is_meant_and_logged_once(
+        driver, controller, seen, monkeypatch):
+    arm = simulated(dialect={"io_index_base": controller}, io_index_base=driver, takes_io_as_counted=True)
+    logged = []
+    monkeypatch.setattr(arm.core.actions, "log", lambda level, text: logged.append(text))
+    for _ in range(2):
+        for value in (True, False):
+            settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, value))
+            assert arm.state.io.digital_outputs[IoBank.CABINET][seen] == value
+    settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 3, 1.5))
+    assert arm.state.io.analog_outputs[IoBank.CABINET][seen] == 1.5
+    said, = [text for text in logged if "the first output" in text]
+    assert "index 3 of cabinet, on the wire %d" % (3 + driver) in said
+    assert said.endswith("changed terminal %d from 0 to 1" % seen)
+
+
 def test_an_output_that_is_set_already_may_be_set_again():
     arm = simulated()
     for _ in range(3):

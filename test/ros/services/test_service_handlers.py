@@ -91,6 +91,16 @@ def test_an_output_that_the_feed_does_not_contain_is_asked_for_and_an_input_cann
         read(Terminal(is_digital, False, IoBank.TOOL, 1))
 
 
+@pytest.mark.parametrize("is_digital, is_output, query", [
+    (True, False, c.GetDigitalInput), (True, True, c.GetDigitalOutput), (False, False, c.GetAnalogInput),
+    (False, True, c.GetAnalogOutput)])
+def test_with_the_makers_interface_of_2025_the_controller_is_asked_by_the_same_index(arm, is_digital, is_output, query):
+    handlers(arm, interface="vendor_2025").read(Terminal(is_digital, is_output, IoBank.CABINET, 1))
+    assert arm.asked == [query(IoBank.CABINET, 1)]
+    handlers(arm, interface="vendor").read(Terminal(is_digital, is_output, IoBank.CABINET, 1))
+    assert len(arm.asked) == 1
+
+
 def test_clearing_succeeds_unless_the_emergency_stop_stands_and_tells_what_is_missing(arm):
     clear = handlers(arm).clear_error
     arm.result = []

@@ -22,9 +22,10 @@ SUMMARIES = {
     "jaka_sim": "simulated controller of a JAKA arm",
     "jaka_sim panel": "send a request to the operator port of a running simulated controller",
     "jaka_sim proxy": "record what passes between a driver and a controller",
+    "migrate_cell": "read and change a cell that was written for the maker's driver of JAKA arms",
 }
 PARSED = {"jaka_driver": "jaka_ros_driver.ros.node", "jaka_panel": "jaka_panel.program",
-          "jaka_sim": "jaka_ros_driver.simulation.__main__"}
+          "jaka_sim": "jaka_ros_driver.simulation.__main__", "migrate_cell": "jaka_migration.cell"}
 """Programs whose parser is asked; jaka_bag has completions of its own."""
 
 

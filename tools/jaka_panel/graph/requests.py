@@ -138,7 +138,7 @@ def _set_output(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     signal, bank = text(args, "signal", ("digital", "analog")), BANKS[text(args, "bank", tuple(BANKS))]
     value = args.get("value")
     wanted = float(value) if type(value) is bool else number(args, "value")
-    index = whole(args, "index")
+    index = _terminal(driver, args)
     done = _told(_call(driver, "set_io", "jaka_msgs/SetIO", signal=signal, type=bank, index=index, value=wanted))
     read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal, path=1, type=bank, index=index)
     if read.message.startswith("error:"):
@@ -149,11 +149,19 @@ def _set_output(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return CallResult(done.ok and is_same, done.message if is_same else "read back %s" % shown, {"value": shown})
 
 
+def _terminal(driver: Driver, args: Mapping[str, Any]) -> int:
+    """Return the index of a terminal, which must mean the place at which the page shows it."""
+    if driver.interface != "documented":
+        raise WrongRequest("with interface %s the index of a terminal is the maker's, and may be one beside the one "
+                           "that is shown: use set_io and get_io" % driver.interface)
+    return whole(args, "index")
+
+
 def _get_io(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     signal = text(args, "signal", ("digital", "analog"))
     read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal,
                  path=("input", "output").index(text(args, "direction", ("input", "output"))),
-                 type=BANKS[text(args, "bank", tuple(BANKS))], index=whole(args, "index"))
+                 type=BANKS[text(args, "bank", tuple(BANKS))], index=_terminal(driver, args))
     if read.message.startswith("error:"):
         return CallResult(False, read.message)
     return CallResult(True, read.message, {"value": bool(read.value) if signal == "digital" else round(read.value, 6)})

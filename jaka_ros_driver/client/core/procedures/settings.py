@@ -2,8 +2,9 @@
 
 Each returns a sentence for the user.
 """
+import logging
 import math
-from typing import Any, Callable, Dict, Optional, Type, Union
+from typing import Any, Callable, Dict, Optional, Sequence, Type, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -174,43 +175,65 @@ def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOut
                 query: Type[Union[c.GetDigitalOutput, c.GetAnalogOutput]], tolerance: float) -> Procedure:
     """Set the output and check it in the status feed, or ask where the feed does not carry the output.
 
-    Controllers may count from 0 or from 1: a neighbour that takes the value instead is an error that names both.
+    Controllers may count from 0 or from 1: a neighbour that takes the value instead is an error that names both, or,
+    with ``takes_io_as_counted``, the output that was meant.
     """
     index, value = command.index, float(command.value)
 
+    def held_by(state: RobotState) -> Vector:
+        return banks_of(state).get(command.bank, ())
+
     def holds(state: RobotState, place: int) -> bool:
-        held = banks_of(state).get(command.bank, ())
+        held = held_by(state)
         return 0 <= place < len(held) and abs(held[place] - value) <= tolerance
 
     core.audited(command)
     before = core.fresh_state((yield Now()))
-    had_it = holds(before, index)
-    neighbours = [place for place in (index - 1, index + 1) if not holds(before, place)]
+    sent = index + core.channel.io_index_base
+    meant = (sent, sent - 1) if core.settings.takes_io_as_counted else (index,)
+    neighbours = () if core.settings.takes_io_as_counted else (index - 1, index + 1)
+    awaited = [place for place in meant if not holds(before, place)]
+    wrong = [place for place in neighbours if not holds(before, place)]
+    had_it = len(awaited) < len(meant)
     yield Ask(command)
-    if index >= len(banks_of(before).get(command.bank, ())):
+    if min(meant) >= len(held_by(before)):
         return (yield from _ask_instead(query(command.bank, index), value, "the output", tolerance))
     begun = yield Now()
 
-    def wrong_one(state: RobotState) -> Optional[int]:
-        return next((place for place in neighbours if holds(state, place)), None)
+    def first_of(places: Sequence[int], state: RobotState) -> Optional[int]:
+        return next((place for place in places if holds(state, place)), None)
 
     def is_seen(now: float) -> bool:
         state = core.state
         if state is None or state.received_at <= begun:
             return False
-        if had_it:
-            return wrong_one(state) is not None or now - begun > _OUTPUT_SETTLES_S
-        return holds(state, index)
+        if first_of(awaited, state) is not None:
+            return True
+        return had_it and (first_of(wrong, state) is not None or now - begun > _OUTPUT_SETTLES_S)
 
     is_set = yield Until(is_seen, _TIMEOUT_S)
     state = core.fresh_state((yield Now()))
-    other = wrong_one(state)
+    other = first_of(wrong, state)
     if other is not None and (had_it or not is_set):
         raise ReadBackMismatch("the controller accepted output %d and set output %d instead: it counts otherwise, see "
                                "the parameter ~io_index_base" % (index, other))
     if not is_set:
-        raise ReadBackMismatch("the controller accepted it but the output is %g" % banks_of(state)[command.bank][index])
+        raise ReadBackMismatch("the controller accepted it but the output is %s" % " and ".join(
+            "%g" % held_by(state)[place] for place in sorted(meant) if 0 <= place < len(held_by(state))))
+    _report_output(core, command, sent, held_by(before), held_by(state))
     return ""
+
+
+def _report_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOutput], sent: int, before: Vector,
+                   after: Vector) -> None:
+    """Log, once for each connection, which terminal the status frame shows to have changed with the first output."""
+    changed = ["terminal %d from %g to %g" % (place, was, is_now)
+               for place, (was, is_now) in enumerate(zip(before, after)) if was != is_now]
+    if changed and not core.links.is_output_reported:
+        core.links.is_output_reported = True
+        core.actions.log(logging.INFO, "the first output that was set: index %d of %s, on the wire %d; in the status "
+                         "frame, which is counted from 0, changed %s" % (
+                             command.index, command.bank.name.lower(), sent, ", ".join(changed)))
 
 
 def _pose_difference(wanted: c.Pose, held: c.Pose) -> str:
