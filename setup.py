@@ -4,7 +4,7 @@ import os
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import find_packages, setup
 
-TOOLS = ("jaka_bag", "jaka_blackbox", "jaka_fleet", "jaka_foxglove", "jaka_panel", "jaka_regression")
+TOOLS = ("jaka_bag", "jaka_blackbox", "jaka_fleet", "jaka_foxglove", "jaka_migration", "jaka_panel", "jaka_regression")
 WEB = os.path.join("tools", "jaka_panel", "web")
 packages = find_packages(include=["jaka_ros_driver", "jaka_ros_driver.*"])
 for name in TOOLS:

@@ -8,7 +8,8 @@ import pytest
 from import_graph import LOG_TOOLS, PACKAGES, ROOT, at_import, imported_names, parse
 
 DEBIAN = ROOT / "tools" / "debian" / "package"
-CONTENTS = {"python3-jaka-bag": list(LOG_TOOLS), "python3-jaka-ros-driver": ["jaka_ros_driver", "jaka_regression"],
+CONTENTS = {"python3-jaka-bag": list(LOG_TOOLS),
+            "python3-jaka-ros-driver": ["jaka_ros_driver", "jaka_migration", "jaka_regression"],
             "jaka-panel": ["jaka_panel"]}
 NOT_IN_DEBIAN = {
     "control_msgs", "industrial_msgs",  # their messages are made from definitions where they are missing

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 LOG_TOOLS = ("jaka_bag", "jaka_blackbox", "jaka_fleet", "jaka_foxglove")
 """The packages of the distribution jaka-bag."""
 PACKAGES = {"jaka_ros_driver": ROOT / "jaka_ros_driver",
-            **{name: ROOT / "tools" / name for name in (*LOG_TOOLS, "jaka_panel", "jaka_regression")}}
+            **{name: ROOT / "tools" / name for name in (*LOG_TOOLS, "jaka_migration", "jaka_panel", "jaka_regression")}}
 """The packages of this project, each with its folder."""
 _MODULE_NAME = re.compile(r"((?:%s)(?:\.\w+)+)(?::\w+)?" % "|".join(PACKAGES))
 
