@@ -44,17 +44,21 @@ def read_bytes(path: str, largest: int) -> bytes:
     """
     try:
         # without waiting: a named pipe would block for ever
-        number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(number, "rb") as file:
-            status = os.fstat(number)
-            if not stat.S_ISREG(status.st_mode):
-                raise Unreadable("is no regular file")
+        with open(path, "rb", opener=lambda name, flags: _regular(os.open(name, flags | os.O_NONBLOCK))) as file:
             content = file.read(largest + 1)
     except (OSError, ValueError) as error:
         raise Unreadable("cannot be opened: %s" % (getattr(error, "strerror", None) or error)) from error
     if len(content) > largest:
         raise Unreadable("is larger than %d bytes" % largest)
     return content
+
+
+def _regular(number: int) -> int:
+    """Return the descriptor of a regular file; close any other and raise Unreadable."""
+    if not stat.S_ISREG(os.fstat(number).st_mode):
+        os.close(number)
+        raise Unreadable("is no regular file")
+    return number
 
 
 # ---- YAML ----

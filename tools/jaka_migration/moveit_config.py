@@ -234,29 +234,26 @@ def _check_chain(chain: ArmChain, file: str, expected: Expected, report: Report)
         report.add(ADVICE, "%s: compare a pose of the arm with both%s" % (
             text, "; of the model: " + model.note if model.note else ""), file, line)
     else:
-        report.add(MUST_CHANGE, "%s (joints at %s rad)%s%s" % (
-            text, ", ".join("%g" % angle for angle in found.worst), _explained(chain, model),
-            _suggested(chain, found)), file, line)
+        report.add(MUST_CHANGE, "%s (joints at %s rad); %s" % (
+            text, ", ".join("%g" % angle for angle in found.worst), _explained(chain, found, model)), file, line)
         return
     report.add(ADVICE, "set the driver's ~base_frame to %s and ~flange_frame to %s, so that its frames are those of "
                "the URDF" % tuple(_without(expected.prefix, link) for link in (found.base, found.flange)), file, line)
 
 
-def _explained(chain: ArmChain, model: ArmModel) -> str:
-    offsets = [(name, offset) for name, offset in zip(("base", "flange"), chain.fixed_offset(model)) if offset]
-    for name, offset in offsets:
-        is_turned = offset[0] < 0.999 or offset[8] < 0.999
-        return "; it is the same arm with the %s frame moved by %.2f, %.2f, %.2f mm%s" % (
-            name, 1e3 * offset[9], 1e3 * offset[10], 1e3 * offset[11], " and turned" if is_turned else "")
-    return ""
-
-
-def _suggested(chain: ArmChain, found: Difference) -> str:
-    model, nearest = _nearest(chain)
-    if nearest.size < 0.5 * found.size:
-        return "; nearest is model %s, %.2f mm and %.4f rad: use it, if that is the arm, or another URDF" % (
-            model.name, nearest.distance * 1e3, nearest.angle)
-    return "; no other model is nearer: use the URDF of the arm that stands in the cell"
+def _explained(chain: ArmChain, found: Difference, model: ArmModel) -> str:
+    """Return what the difference is, and what to do about it."""
+    nearest, difference = _nearest(chain)
+    if difference.size < 0.5 * found.size:
+        return "nearest is model %s, %.2f mm and %.4f rad: use it, if that is the arm, or another URDF" % (
+            nearest.name, difference.distance * 1e3, difference.angle)
+    for name, offset in zip(("base", "flange"), chain.fixed_offset(model)):
+        if offset is not None:
+            is_turned = offset[0] < 0.999 or offset[8] < 0.999
+            return ("it is the same arm with the %s frame moved by %.1f, %.1f, %.1f mm%s: correct the URDF, or add a "
+                    "link that is the driver's frame" % (name, 1e3 * offset[9], 1e3 * offset[10], 1e3 * offset[11],
+                                                    " and turned" if is_turned else ""))
+    return "no other model is nearer: use the URDF of the arm that stands in the cell"
 
 
 def _without(prefix: str, link: str) -> str:

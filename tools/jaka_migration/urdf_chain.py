@@ -138,17 +138,19 @@ def urdf_from_xml(root: Element) -> Urdf:
 
 
 def _refuse_loops(urdf: Urdf) -> None:
-    rooted = {link for link in urdf.links if link not in urdf.parents}
+    """Raise WrongUrdf where a link is behind itself, or too far from the root to be followed again and again."""
+    depths = {link: 0 for link in urdf.links if link not in urdf.parents}
     for link in urdf.links:
-        path: List[str] = []
-        while link not in rooted:
-            if link in path:
-                raise WrongUrdf("link %s is behind itself" % link, urdf.parents[link].line)
-            path.append(link)
-            if len(path) > _LONGEST_PATH:
-                raise WrongUrdf("has more than %d links in a row" % _LONGEST_PATH, urdf.parents[link].line)
-            link = urdf.parents[link].parent
-        rooted.update(path)
+        path: List[UrdfJoint] = []
+        while link not in depths:
+            path.append(urdf.parents[link])
+            link = path[-1].parent
+            if len(path) > len(urdf.joints):
+                raise WrongUrdf("link %s is behind itself" % link, path[-1].line)
+        for joint in reversed(path):
+            depths[joint.child] = depths[joint.parent] + 1
+            if depths[joint.child] > _LONGEST_PATH:
+                raise WrongUrdf("has more than %d links in a row" % _LONGEST_PATH, joint.line)
 
 
 def _joint(element: Element) -> UrdfJoint:
