@@ -16,8 +16,9 @@ simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 
 Beside it, in tools/: the log tools ``jaka_bag``, ``jaka_blackbox``, ``jaka_foxglove`` and ``jaka_fleet``, which import
-nothing of this package; ``jaka_panel``, an operator's page, a client of its topics and services; and
-``jaka_regression``, on top of the driver and the log tools, which makes recorded runs happen again.
+nothing of this package; ``jaka_panel``, an operator's page, a client of its topics and services; ``jaka_migration``,
+checks of what a cell brings along; and ``jaka_regression``, on top of the driver and the log tools, which makes
+recorded runs happen again.
 """
 
 __version__ = "0.2.0"

@@ -3,7 +3,7 @@ from typing import List, NamedTuple, Optional
 
 from .bounded_files import Unreadable, YamlNode, read_yaml
 from .expectations import ACTION, Expected, common_prefix
-from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, Report
+from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 from .package import Package
 
 FILES = ("config/controllers.yaml", "config/ros_controllers.yaml", "config/simple_moveit_controllers.yaml")
@@ -13,7 +13,7 @@ _ROS_CONTROL = ("hardware_interface", "generic_hw_control_loop", "moveit_sim_hw_
 """Keys for ros_control, which the driver does not use."""
 
 
-class Controller(NamedTuple):
+class ListedController(NamedTuple):
     """An entry of a list of controllers.
 
     Attributes:
@@ -28,12 +28,12 @@ class Controller(NamedTuple):
 
     @property
     def joints(self) -> List[str]:
-        """Its joints' names."""
+        """The names of its joints."""
         joints = self.entry.get("joints")
         return [item.text or "" for item in joints.items()] if joints is not None else []
 
 
-def check_controllers(package: Package, expected: Expected, report: Report) -> None:
+def check_controllers(package: Package, expected: Expected, report: ConfigReport) -> None:
     """Add what the controllers' files say to the report."""
     listed = 0
     for file in FILES:
@@ -55,7 +55,7 @@ def check_controllers(package: Package, expected: Expected, report: Report) -> N
                    "file" % " or ".join(FILES), "config")
 
 
-def _check_list(root: Optional[YamlNode], file: str, expected: Expected, report: Report) -> int:
+def _check_list(root: Optional[YamlNode], file: str, expected: Expected, report: ConfigReport) -> int:
     entries = root.get("controller_list") if root is not None else None
     if entries is None:
         return 0
@@ -65,12 +65,12 @@ def _check_list(root: Optional[YamlNode], file: str, expected: Expected, report:
         if name is None or not name.text:
             report.add(MUST_CHANGE, "a controller without name", file, item.line)
             continue
-        controllers.append(Controller(name.text, item, name.line))
+        controllers.append(ListedController(name.text, item, name.line))
     _check_entries(controllers, file, entries.line, expected, report)
     return 1
 
 
-def _check_moveit_2(package: Package, expected: Expected, report: Report) -> int:
+def _check_moveit_2(package: Package, expected: Expected, report: ConfigReport) -> int:
     if not package.has(MOVEIT_2_FILE):
         return 0
     try:
@@ -88,12 +88,13 @@ def _check_moveit_2(package: Package, expected: Expected, report: Report) -> int
     for item in names.items():
         entry = manager.get(item.text or "")
         if entry is not None:
-            controllers.append(Controller(item.text or "", entry, entry.line))
+            controllers.append(ListedController(item.text or "", entry, entry.line))
     _check_entries(controllers, MOVEIT_2_FILE, names.line, expected, report)
     return 1
 
 
-def _check_entries(controllers: List[Controller], file: str, line: int, expected: Expected, report: Report) -> None:
+def _check_entries(controllers: List[ListedController], file: str, line: int, expected: Expected,
+                   report: ConfigReport) -> None:
     arms = [one for one in controllers if one.name.strip("/") == expected.controller.strip("/") or any(
         joint in expected.joints or expected.unlike(joint) for joint in one.joints)
         or common_prefix(one.joints) is not None]
@@ -111,7 +112,7 @@ def _check_entries(controllers: List[Controller], file: str, line: int, expected
         _check_joints(one, file, expected, report)
 
 
-def _check_name(one: Controller, file: str, expected: Expected, report: Report) -> None:
+def _check_name(one: ListedController, file: str, expected: Expected, report: ConfigReport) -> None:
     if one.name.strip("/") == expected.controller.strip("/"):
         report.add(FITS, "controller %s: the driver's name for its action" % one.name, file, one.line)
     else:
@@ -119,7 +120,7 @@ def _check_name(one: Controller, file: str, expected: Expected, report: Report) 
                    "driver's ~trajectory_controller to %s" % (one.name, expected.controller, one.name), file, one.line)
 
 
-def _check_values(one: Controller, file: str, report: Report) -> None:
+def _check_values(one: ListedController, file: str, report: ConfigReport) -> None:
     action, kind, default = (one.entry.get(key) for key in ("action_ns", "type", "default"))
     if action is None or action.text != ACTION:
         report.add(MUST_CHANGE, "controller %s: action_ns is %s; it must be %s" % (
@@ -136,7 +137,7 @@ def _check_values(one: Controller, file: str, report: Report) -> None:
                    file, (default or one.entry).line)
 
 
-def _check_joints(one: Controller, file: str, expected: Expected, report: Report) -> None:
+def _check_joints(one: ListedController, file: str, expected: Expected, report: ConfigReport) -> None:
     node = one.entry.get("joints")
     line, joints = (node or one.entry).line, one.joints
     wanted = list(expected.joints)
@@ -162,14 +163,14 @@ def _check_joints(one: Controller, file: str, expected: Expected, report: Report
         one.name, "; ".join(parts), ", ".join(wanted)), file, line)
 
 
-def _point_out_ros_control(root: Optional[YamlNode], file: str, report: Report) -> None:
+def _point_out_ros_control(root: Optional[YamlNode], file: str, report: ConfigReport) -> None:
     keys = [(name, line) for name, line in (root.keys() if root is not None else []) if name in _ROS_CONTROL]
     if keys:
         report.add(ADVICE, "%s: for ros_control, which the driver does not use; they may stay or go" % ", ".join(
             name for name, _ in keys), file, keys[0][1])
 
 
-def check_unread_forms(package: Package, report: Report) -> None:
+def check_unread_forms(package: Package, report: ConfigReport) -> None:
     """Add the files that are there in a form that this check does not read."""
     for file in package.files("launch", ".py"):
         report.add(NOT_READ, "is a Python program, of ROS 2; nothing is run here", file)

@@ -19,7 +19,7 @@ _MODEL = re.compile(r"(?i)(?<![a-z])jaka[ _-]?((?:zu|pro|c|s|a|minicobo)[ _-]?\d
 
 @dataclass(frozen=True)
 class Expected:
-    """What the driver expects.
+    """The names and limits that the driver expects.
 
     Attributes:
         model: The arm's model.

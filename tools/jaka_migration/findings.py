@@ -13,7 +13,7 @@ _LONGEST_TEXT = 1200
 
 
 @dataclass(frozen=True)
-class Finding:
+class ConfigFinding:
     """One line of a report.
 
     Attributes:
@@ -41,7 +41,7 @@ def printable(text: str) -> str:
 
 
 @dataclass
-class Report:
+class ConfigReport:
     """The findings about one MoveIt configuration.
 
     Attributes:
@@ -53,19 +53,19 @@ class Report:
 
     package: str
     model: str = ""
-    findings: List[Finding] = field(default_factory=list)
+    findings: List[ConfigFinding] = field(default_factory=list)
     is_broken: bool = False
 
     def add(self, section: str, text: str, file: str = "", line: Optional[int] = None) -> None:
-        """Add a finding; the arguments are those of ``Finding``."""
-        self.findings.append(Finding(section, printable(text), printable(file), line))
+        """Add a finding; the arguments are those of ``ConfigFinding``."""
+        self.findings.append(ConfigFinding(section, printable(text), printable(file), line))
 
     def broken(self, text: str, file: str, line: Optional[int] = None) -> None:
         """Add a file that is there and cannot be read."""
         self.is_broken = True
         self.add(NOT_READ, text, file, line)
 
-    def of(self, section: str) -> List[Finding]:
+    def of(self, section: str) -> List[ConfigFinding]:
         """Return the findings of a section."""
         return [finding for finding in self.findings if finding.section == section]
 

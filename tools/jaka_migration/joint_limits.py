@@ -3,7 +3,7 @@ from typing import Dict, List, Optional, Set, Tuple
 
 from .bounded_files import Unreadable, YamlNode, read_yaml
 from .expectations import LIMIT_SLACK_RAD, SLACK, Expected, degrees
-from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, Report
+from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 from .package import Package
 from .urdf_chain import Urdf
 
@@ -11,7 +11,7 @@ FILE = "config/joint_limits.yaml"
 
 
 def check_joint_limits(package: Package, urdf: Optional[Urdf], urdf_file: str, expected: Expected,
-                       report: Report) -> None:
+                       report: ConfigReport) -> None:
     """Add what the file, and the URDF under it, say about limits to the report."""
     table = _table(package, report)
     slowed, ranged = (set(), set()) if table is None else _check_table(table, expected, report)
@@ -19,7 +19,7 @@ def check_joint_limits(package: Package, urdf: Optional[Urdf], urdf_file: str, e
         _check_urdf(urdf, urdf_file, slowed, ranged, expected, report)
 
 
-def _table(package: Package, report: Report) -> Optional[YamlNode]:
+def _table(package: Package, report: ConfigReport) -> Optional[YamlNode]:
     if not package.has(FILE):
         report.add(NOT_READ, "is not there: MoveIt plans with the URDF's speeds then, and with accelerations of its "
                    "own", FILE)
@@ -36,7 +36,7 @@ def _table(package: Package, report: Report) -> Optional[YamlNode]:
     return table
 
 
-def _check_table(table: YamlNode, expected: Expected, report: Report) -> Tuple[Set[str], Set[str]]:
+def _check_table(table: YamlNode, expected: Expected, report: ConfigReport) -> Tuple[Set[str], Set[str]]:
     """Check all joints; return those whose speed, and those whose range, the file decides instead of the URDF."""
     for name, line in table.keys():
         meant = expected.unlike(name)
@@ -80,7 +80,7 @@ def _decides(entry: YamlNode, switch: str, key: str) -> bool:
     return entry.get(key) is not None and node is not None and node.truth is not False
 
 
-def _number(entry: YamlNode, key: str, name: str, report: Report) -> Optional[float]:
+def _number(entry: YamlNode, key: str, name: str, report: ConfigReport) -> Optional[float]:
     node = entry.get(key)
     value = node.number if node is not None else None
     if node is not None and value is None:
@@ -92,7 +92,7 @@ def _line(entry: YamlNode, key: str) -> int:
     return (entry.get(key) or entry).line
 
 
-def _check_rate(entry: YamlNode, key: str, unit: str, name: str, top: float, report: Report) -> bool:
+def _check_rate(entry: YamlNode, key: str, unit: str, name: str, top: float, report: ConfigReport) -> bool:
     """Add a speed or an acceleration that is wrong; return whether it is right."""
     value = _number(entry, key, name, report)
     if value is not None and value <= 0.0:
@@ -103,7 +103,7 @@ def _check_rate(entry: YamlNode, key: str, unit: str, name: str, top: float, rep
     return value is not None and 0.0 < value <= top * SLACK
 
 
-def _check_range(entry: YamlNode, name: str, index: int, expected: Expected, report: Report) -> None:
+def _check_range(entry: YamlNode, name: str, index: int, expected: Expected, report: ConfigReport) -> None:
     low, high = expected.model.joint_limits[index]
     lower = _number(entry, "min_position", name, report)
     upper = _number(entry, "max_position", name, report)
@@ -112,7 +112,7 @@ def _check_range(entry: YamlNode, name: str, index: int, expected: Expected, rep
 
 
 def _judge_range(name: str, lower: float, upper: float, index: int, file: str, line: int, expected: Expected,
-                 report: Report) -> bool:
+                 report: ConfigReport) -> bool:
     """Add a range that is empty or wider than the model's; return whether it fits."""
     low, high = expected.model.joint_limits[index]
     excess = expected.position_excess(index, lower, upper)
@@ -130,7 +130,7 @@ def _judge_range(name: str, lower: float, upper: float, index: int, file: str, l
 
 
 def _check_urdf(urdf: Urdf, file: str, slowed: Set[str], ranged: Set[str], expected: Expected,
-                report: Report) -> None:
+                report: ConfigReport) -> None:
     fitting: List[str] = []
     for index, name in enumerate(expected.joints):
         joint = urdf.joints.get(name)

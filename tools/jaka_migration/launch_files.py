@@ -8,7 +8,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from .bounded_files import Element, Unreadable, number_of, read_xml
 from .expectations import Expected, models_in
-from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, Report
+from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 from .package import Package
 
 START_TOLERANCE_RAD = 0.01
@@ -50,7 +50,7 @@ class LaunchFile(NamedTuple):
         return words[0] in ("false", "0") or words[1] in ("true", "1")
 
 
-def check_launch_files(package: Package, expected: Expected, report: Report) -> None:
+def check_launch_files(package: Package, expected: Expected, report: ConfigReport) -> None:
     """Add what the launch files of the package, and the maker's ``moveit_server.launch`` beside it, say."""
     files = _read(package, package.files("launch", ".launch", ".launch.xml"), report)
     if not files:
@@ -66,7 +66,7 @@ def check_launch_files(package: Package, expected: Expected, report: Report) -> 
         _check_server(launch, expected, report)
 
 
-def _read(package: Package, names: List[str], report: Report) -> List[LaunchFile]:
+def _read(package: Package, names: List[str], report: ConfigReport) -> List[LaunchFile]:
     found = []
     for file in names:
         try:
@@ -96,7 +96,7 @@ def _parameters(files: List[LaunchFile], name: str) -> Iterator[Tuple[LaunchFile
 
 # ---- trajectory execution ----
 
-def _check_execution(files: List[LaunchFile], report: Report) -> None:
+def _check_execution(files: List[LaunchFile], report: ConfigReport) -> None:
     monitored = True
     for launch, element, value in _parameters(files, _PREFIX + "execution_duration_monitoring"):
         monitored = value.lower() not in ("false", "0")
@@ -135,7 +135,7 @@ def _check_execution(files: List[LaunchFile], report: Report) -> None:
                        launch.file, element.line)
 
 
-def _numbers(files: List[LaunchFile], name: str, report: Report) -> List[Tuple[LaunchFile, Element, float]]:
+def _numbers(files: List[LaunchFile], name: str, report: ConfigReport) -> List[Tuple[LaunchFile, Element, float]]:
     found = []
     for launch, element, text in _parameters(files, _PREFIX + name):
         value = number_of(text)
@@ -149,7 +149,7 @@ def _numbers(files: List[LaunchFile], name: str, report: Report) -> List[Tuple[L
 
 # ---- controller managers ----
 
-def _check_managers(files: List[LaunchFile], report: Report) -> None:
+def _check_managers(files: List[LaunchFile], report: ConfigReport) -> None:
     chosen = _chosen(files)
     count = 0
     for launch, element, plugin in _parameters(files, "moveit_controller_manager"):
@@ -190,7 +190,7 @@ def _chosen(files: List[LaunchFile]) -> List[str]:
 
 # ---- nodes ----
 
-def _check_nodes(launch: LaunchFile, report: Report) -> None:
+def _check_nodes(launch: LaunchFile, report: ConfigReport) -> None:
     if "gazebo" in launch.file:
         report.add(ADVICE, "is for Gazebo: not to be started with the driver", launch.file)
         return
@@ -211,7 +211,7 @@ def _check_nodes(launch: LaunchFile, report: Report) -> None:
                        "~publish_description false, so that one program publishes each link", launch.file, node.line)
 
 
-def _check_publisher(node: Element, launch: LaunchFile, is_for_the_arm: bool, report: Report) -> None:
+def _check_publisher(node: Element, launch: LaunchFile, is_for_the_arm: bool, report: ConfigReport) -> None:
     sources = " ".join(element.text or element.get("value") for element in node.children
                        if (element.get("param") or element.get("name")).endswith("source_list"))
     hears = re.search(r"(?<![\w/])/?joint_states", sources)
@@ -225,7 +225,7 @@ def _check_publisher(node: Element, launch: LaunchFile, is_for_the_arm: bool, re
                    condition), launch.file, node.line)
 
 
-def _check_server(launch: LaunchFile, expected: Expected, report: Report) -> None:
+def _check_server(launch: LaunchFile, expected: Expected, report: ConfigReport) -> None:
     servers = [node for node in launch.root.walk() if node.tag == "node" and node.get("type") == "moveit_server"]
     for node in servers:
         named = _model_of(launch)

@@ -13,17 +13,17 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_mod
 from .bounded_files import Element, Unreadable, read_xml, read_yaml
 from .controllers import FILES, MOVEIT_2_FILE, check_controllers, check_unread_forms
 from .expectations import Expected, default_controller, models_in
-from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, Report
+from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 from .joint_limits import check_joint_limits
 from .launch_files import check_launch_files
 from .package import Package
 from .semantics import check_semantics, read_semantics
-from .urdf_chain import ArmChain, Difference, Urdf, WrongUrdf, urdf_from_xml
+from .urdf_chain import ArmChain, ChainDifference, Urdf, WrongUrdf, urdf_from_xml
 
 SAME_M, SAME_RAD = 1e-3, 2e-3
-"""Bounds within which a URDF and a model are the same arm: one arm differs from its series by about 1 mm."""
+"""Largest difference of a URDF and a model that are the same arm: one arm differs from its series by about 1 mm."""
 NEAR_M, NEAR_RAD = 5e-3, 1e-2
-"""Bounds beyond which they are different arms; the sources of one series differ by up to some mm."""
+"""Smallest difference of different arms; the sources of one series differ by up to some mm."""
 _NAME = "check_moveit_config"
 _FIND = re.compile(r"\$\(find\s+([\w-]+)\s*\)/([^'\"()$]+?\.(?:urdf(?:\.xacro)?|xacro))")
 _LONGEST_COMMAND = 10_000
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def check(path: str, urdf_path: Optional[str] = None, model_name: Optional[str] = None, dh_file: Optional[str] = None,
-          controller: Optional[str] = None, frame_prefix: str = "") -> Report:
+          controller: Optional[str] = None, frame_prefix: str = "") -> ConfigReport:
     """Return the report about a MoveIt configuration package.
 
     Args:
@@ -97,7 +97,7 @@ def check(path: str, urdf_path: Optional[str] = None, model_name: Optional[str] 
     """
     package = Package(path)
     _refuse_what_is_none(package, path)
-    report = Report(package.folder)
+    report = ConfigReport(package.folder)
     semantics = read_semantics(package, report)
     urdf, urdf_file = _find_urdf(package, urdf_path, report)
     chain = _chain_of(urdf, urdf_file, frame_prefix, report)
@@ -130,7 +130,7 @@ def _refuse_what_is_none(package: Package, path: str) -> None:
 
 # ---- the URDF ----
 
-def _find_urdf(package: Package, given: Optional[str], report: Report) -> Tuple[Optional[Urdf], str]:
+def _find_urdf(package: Package, given: Optional[str], report: ConfigReport) -> Tuple[Optional[Urdf], str]:
     """Return the URDF and how the report names its file; None where there is none that can be read."""
     for path in [given] if given is not None else _candidates(package):
         file = package.shown(path) if given is None else path
@@ -171,7 +171,7 @@ def _candidates(package: Package) -> Iterator[str]:
     return iter([path for path in dict.fromkeys(found) if os.path.lexists(path)])
 
 
-def _chain_of(urdf: Optional[Urdf], file: str, prefix: str, report: Report) -> Optional[ArmChain]:
+def _chain_of(urdf: Optional[Urdf], file: str, prefix: str, report: ConfigReport) -> Optional[ArmChain]:
     if urdf is None:
         return None
     try:
@@ -217,13 +217,13 @@ def _controller_names(package: Package) -> Iterator[Tuple[str, str]]:
                 yield name.text, file
 
 
-def _nearest(chain: ArmChain) -> Tuple[ArmModel, Difference]:
+def _nearest(chain: ArmChain) -> Tuple[ArmModel, ChainDifference]:
     models = [load_model(name) for name in model_names()]
     pairs = [(model, chain.difference(model)) for model in models]
     return min(pairs, key=lambda pair: pair[1].size)
 
 
-def _check_chain(chain: ArmChain, file: str, expected: Expected, report: Report) -> None:
+def _check_chain(chain: ArmChain, file: str, expected: Expected, report: ConfigReport) -> None:
     found, model = chain.difference(expected.model), expected.model
     line = chain.joints[0].line
     text = "the chain from %s to %s differs from model %s by %.2f mm and %.4f rad at most" % (
@@ -241,7 +241,7 @@ def _check_chain(chain: ArmChain, file: str, expected: Expected, report: Report)
                "the URDF" % tuple(_without(expected.prefix, link) for link in (found.base, found.flange)), file, line)
 
 
-def _explained(chain: ArmChain, found: Difference, model: ArmModel) -> str:
+def _explained(chain: ArmChain, found: ChainDifference, model: ArmModel) -> str:
     """Return what the difference is, and what to do about it."""
     nearest, difference = _nearest(chain)
     if difference.size < 0.5 * found.size:

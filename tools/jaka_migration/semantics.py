@@ -3,12 +3,12 @@ from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from .bounded_files import Element, Unreadable, read_xml
 from .expectations import Expected
-from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, Report
+from .findings import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 from .package import Package
 from .urdf_chain import Urdf
 
 
-def read_semantics(package: Package, report: Report) -> List[Tuple[str, Element]]:
+def read_semantics(package: Package, report: ConfigReport) -> List[Tuple[str, Element]]:
     """Return the SRDF files of the package with their root elements; add those that cannot be read to the report."""
     found = []
     for file in package.files("config", ".srdf"):
@@ -24,7 +24,7 @@ def read_semantics(package: Package, report: Report) -> List[Tuple[str, Element]
     return found
 
 
-def check_semantics(file: str, root: Element, urdf: Optional[Urdf], expected: Expected, report: Report) -> None:
+def check_semantics(file: str, root: Element, urdf: Optional[Urdf], expected: Expected, report: ConfigReport) -> None:
     """Add what one SRDF says to the report; without a URDF its names are held against the driver's only."""
     if urdf is not None and root.get("name") != urdf.name:
         report.add(ADVICE, "robot %r, but the URDF's is %r: MoveIt warns of it" % (root.get("name"), urdf.name),
@@ -69,7 +69,7 @@ def _joints_of(group: Element, groups: Dict[str, Element], urdf: Optional[Urdf],
     return joints
 
 
-def _point_out_unlike(group: Element, file: str, expected: Expected, report: Report) -> None:
+def _point_out_unlike(group: Element, file: str, expected: Expected, report: ConfigReport) -> None:
     for child in group.all("joint"):
         meant = expected.unlike(child.get("name"))
         if meant is not None:
@@ -77,7 +77,7 @@ def _point_out_unlike(group: Element, file: str, expected: Expected, report: Rep
                 group.get("name"), child.get("name"), meant), file, child.line)
 
 
-def _check_names(file: str, root: Element, urdf: Urdf, report: Report) -> None:
+def _check_names(file: str, root: Element, urdf: Urdf, report: ConfigReport) -> None:
     virtual = {joint.get("name") for joint in root.all("virtual_joint")}
     links: List[Tuple[str, int]] = []
     joints: List[Tuple[str, int]] = []
@@ -99,7 +99,7 @@ def _check_names(file: str, root: Element, urdf: Urdf, report: Report) -> None:
 
 
 def _point_out_unknown(kind: str, named: Sequence[Tuple[str, int]], known: Set[str], file: str,
-                       report: Report) -> bool:
+                       report: ConfigReport) -> bool:
     unknown = [(name, line) for name, line in named if name not in known]
     if not unknown:
         return True
@@ -110,7 +110,7 @@ def _point_out_unknown(kind: str, named: Sequence[Tuple[str, int]], known: Set[s
     return False
 
 
-def _check_virtual_joints(file: str, root: Element, urdf: Urdf, report: Report) -> None:
+def _check_virtual_joints(file: str, root: Element, urdf: Urdf, report: ConfigReport) -> None:
     tops = sorted(link for link in urdf.links if link not in urdf.parents)
     joints = root.all("virtual_joint")
     for joint in joints:

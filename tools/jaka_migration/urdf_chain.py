@@ -30,7 +30,7 @@ POSITIONS: Tuple[Tuple[float, ...], ...] = (
 )
 """The joint positions, rad, at which the chains are compared: fixed, so that two runs give the same numbers."""
 _SAME_M, _SAME_RAD = 1e-9, 1e-7
-"""Bounds below which two pairs of links are the same frames: the pair that is nearest to the arm is taken then."""
+"""The distance and angle below which two pairs of links are the same frames; the pair next to the arm counts then."""
 _LONGEST_PATH = 300
 """Most links from the root to another."""
 _MOST_LINKS = 30
@@ -191,8 +191,8 @@ def _three(what: str, text: Optional[str], default: Tuple[float, ...], largest: 
 
 # ---- the arm in it ----
 
-class Difference(NamedTuple):
-    """How far a chain and a model differ at ``POSITIONS``.
+class ChainDifference(NamedTuple):
+    """The distances of a chain from a model at ``POSITIONS``.
 
     Attributes:
         distance: Largest distance of the flanges, m.
@@ -251,7 +251,7 @@ class ArmChain:
             frame = compose(frame, joint.at(position[index] if index >= 0 else 0.0))
         return frame
 
-    def difference(self, model: ArmModel) -> Difference:
+    def difference(self, model: ArmModel) -> ChainDifference:
         """Return the smallest difference from a model over all pairs of links that can be base and flange."""
         arms = [self._arm(position) for position in POSITIONS]
         wanted = [forward(model, position) for position in POSITIONS]
@@ -284,10 +284,10 @@ def _constant(frames: List[Transform], distance: float = 1e-3, angle: float = 2e
     return frames[0] if is_same else None
 
 
-def _difference(frames: List[Transform], wanted: List[Transform], base: str, flange: str) -> Difference:
+def _difference(frames: List[Transform], wanted: List[Transform], base: str, flange: str) -> ChainDifference:
     distances = [distance_between(frame, other) for frame, other in zip(frames, wanted)]
     angle = max(rotation_angle_between(frame, other) for frame, other in zip(frames, wanted))
-    return Difference(max(distances), angle, base, flange, POSITIONS[distances.index(max(distances))])
+    return ChainDifference(max(distances), angle, base, flange, POSITIONS[distances.index(max(distances))])
 
 
 def _fixed_before(urdf: Urdf, link: str) -> List[Tuple[str, Transform]]:
