@@ -1,5 +1,6 @@
 """The check of MoveIt configurations: packages with the maker's names and values, a cell's own, each fault alone."""
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -196,6 +197,32 @@ def test_a_configuration_of_moveit_2_is_told(tmp_path):
     assert found(report, NOT_READ, "launch/demo.launch.py: is a Python program")
 
 
+def test_the_layout_of_the_setup_assistant_fits(tmp_path):
+    # MoveIt 1.1: a demo with fake controllers beside managers by name, groups by chain
+    package = fitting(tmp_path)
+    (package / C).rename(package / "config" / "simple_moveit_controllers.yaml")
+    (package / X).unlink()
+    srdf = package / S
+    chain = r'\1<chain base_link="Link_0" tip_link="Link_6"/></group>'
+    srdf.write_text(re.sub("(?s)(<group name.*?>).*?</group>", chain, srdf.read_text(), count=1))
+    files = {name: '<param name="moveit_controller_manager" value="%s"/>' % plugin for name, plugin in (
+        ("simple_moveit_controller_manager.launch.xml", launch_files.SIMPLE_MANAGER),
+        ("fake_moveit_controller_manager.launch.xml", "moveit_fake_controller_manager/MoveItFakeControllerManager"),
+        ("ros_control_moveit_controller_manager.launch.xml", "moveit_ros_control_interface::MoveItControllerManager"))}
+    files["move_group.launch"] = '<arg name="moveit_controller_manager" default="simple"/>'
+    files["demo.launch"] = (
+        '<arg name="moveit_controller_manager" default="fake"/><node pkg="joint_state_publisher" type="x"/>')
+    files["execution.launch.xml"] = '<param name="trajectory_execution/execution_duration_monitoring" value="false"/>'
+    write(package, {"launch/" + name: "<launch>%s</launch>" % text for name, text in files.items()})
+    report = check(str(package))
+    assert lines(report, MUST_CHANGE) == [] and found(report, FITS, "group arm has the arm's six joints")
+    assert len(found(report, ADVICE, "does not lead to the driver")) == 2
+    write(package, {"launch/move_group.launch":
+                    '<launch><arg name="moveit_controller_manager" default="ros_control"/></launch>'})
+    line, = lines(check(str(package)), MUST_CHANGE)
+    assert line.startswith("launch/ros_control_moveit_controller_manager.launch.xml:1: moveit_controller_manager is")
+
+
 def test_of_a_xacro_file_is_said_that_it_was_not_read(tmp_path):
     package = makers(tmp_path, "zu7")
     urdf = tmp_path / "jaka_description" / "urdf" / "jaka_zu7.urdf"
@@ -228,6 +255,18 @@ def test_the_program_prints_its_list_for_people_and_for_programs(tmp_path):
     answer = json.loads(done.stdout)
     assert answer["exit_code"] == done.returncode == 1 and answer["not_read"] == []
     assert (answer["must_change"][0]["file"], answer["must_change"][0]["line"]) == ("launch/demo.launch", 3)
+
+
+def test_a_report_that_cannot_be_written_is_a_failure_and_one_that_is_cut_is_none(tmp_path):
+    words = [*command_of("check_moveit_config"), str(fitting(tmp_path))]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=100)
+    assert done.returncode == 2 and "the report cannot be written: No space left" in done.stderr
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=100)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_command_of_the_page_runs(tmp_path):

@@ -21,7 +21,8 @@ _LONGEST_VALUE = 1000
 _ARG = re.compile(r"\$\(arg\s+([^\s()]+)\s*\)")
 _MOVEIT_SERVER = "../jaka_planner/launch/moveit_server.launch"
 _PREFIX = "trajectory_execution/"
-_MANAGER_FILE = re.compile(r"(\w+)_(?:moveit_)?controller_manager\.launch(?:\.xml)?$")
+_DEMO = re.compile(r"/demo\w*\.launch$")
+_MANAGER_FILE = re.compile(r"/(\w+?)_(?:moveit_)?controller_manager\.launch(?:\.xml)?$")
 
 
 class LaunchFile(NamedTuple):
@@ -178,9 +179,14 @@ def _check_managers(files: List[LaunchFile], report: ConfigReport) -> None:
 
 
 def _chosen(files: List[LaunchFile]) -> List[str]:
-    """Return the names of controller managers that are chosen by default, as ``simple`` or ``jaka_zu7``."""
+    """Return the names of controller managers that are chosen by default, as ``simple`` or ``jaka_zu7``.
+
+    Demos are left out: those of MoveIt's Setup Assistant choose fake controllers, or Gazebo's.
+    """
     names = []
     for launch in files:
+        if _DEMO.search(launch.file):
+            continue
         for element in launch.root.walk():
             if (element.tag == "arg" and element.get("name") == "moveit_controller_manager"
                     and not launch.is_off(element) and not _MANAGER_FILE.search(launch.file)):

@@ -58,8 +58,11 @@ def main(argv: Optional[List[str]] = None) -> int:
     try:
         sys.stdout.buffer.write(text.encode("utf-8", "replace"))
         sys.stdout.flush()
-    except BrokenPipeError:  # as by "| head"; Python would write a traceback when it flushes at its end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at its end
+        if not isinstance(error, BrokenPipeError):  # as by "| head", whose reader has what it wants
+            print("%s: error: the report cannot be written: %s" % (_NAME, error.strerror), file=sys.stderr)
+            return 2
     return report.exit_code
 
 
