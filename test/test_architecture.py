@@ -105,7 +105,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "cli": {"dataset", "comparing", "replay", "jaka_regression"} | ALL_OF_JAKA_BAG,
     }),
     **rooms("jaka_migration", {
-        "": {"jaka_ros_driver.errors", "jaka_ros_driver.kinematics"},
+        "": {"jaka_ros_driver." + room for room in DOMAIN | {"kinematics"}},
     }),
     **rooms("jaka_panel", {
         "": {"settings"},
@@ -216,7 +216,7 @@ def test_programs_and_plugins_are_there():
                           ROOT.joinpath(*path).read_text().replace(" = ", "="))
     programs = entries("CMakeLists.txt")
     scripts = [entry for entry in entries("tools", "pyproject.toml") if ":" in entry]
-    assert len(programs) == 7 and len(scripts) == 2
+    assert len(programs) == 8 and len(scripts) == 2
     for entry in programs + scripts + entries("setup.cfg"):
         module, _, function = entry.partition(":")
         names = {node.name for node in parse(source_of(module)).body if isinstance(node, ast.FunctionDef)}

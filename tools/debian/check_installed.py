@@ -20,8 +20,8 @@ from typing import Callable, Dict, Iterator, List
 
 PATIENCE_S = 240.0
 ENVIRONMENT = {**os.environ, "ROS_HOSTNAME": "localhost", "PYTHONUNBUFFERED": "1"}
-PROGRAMS = {"jaka_bag": [], "jaka_driver": [], "jaka_foxglove": [], "jaka_panel": [], "jaka_sim": ["panel", "proxy"],
-            "migrate_cell": []}
+PROGRAMS = {"check_moveit_config": [], "jaka_bag": [], "jaka_driver": [], "jaka_foxglove": [], "jaka_panel": [],
+            "jaka_sim": ["panel", "proxy"], "migrate_cell": []}
 ANSWERS = {"get_fk": "cartesian_pose: [", "rostopic hz": "average rate", "jaka_bag info": "messages"}
 """Text that the output of some of the README's commands must contain, besides an exit code of 0."""
 results: Dict[str, str] = {}
@@ -149,7 +149,8 @@ def wire_log() -> str:
 
 def documents() -> str:
     """Count the man pages and try the completions."""
-    pages = sorted(path.name for path in pathlib.Path("/usr/share/man/man1").glob("jaka_*"))
+    pages = sorted(path.name for path in pathlib.Path("/usr/share/man/man1").iterdir()
+                   if path.name.split(".")[0].split("-")[0] in PROGRAMS)
     for program, commands in PROGRAMS.items():
         for name in [program] + ["%s-%s" % (program, command) for command in commands]:
             assert name + ".1.gz" in pages, name

@@ -8,13 +8,12 @@ import sys
 import textwrap
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
+from jaka_migration.cell_files import LAUNCH, IsLink, NotDone, read, replace, single, walk
+from jaka_migration.findings import SUBJECTS, CellFinding, in_program, interfaces_seen
+from jaka_migration.launch_changes import Wanted, examine
+from jaka_migration.launch_file import UnreadableLaunchFile
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
-
-from .cell_files import LAUNCH, IsLink, NotDone, read, replace, single, walk
-from .findings import SUBJECTS, CellFinding, in_program, interfaces_seen
-from .launch_changes import Wanted, examine
-from .launch_file import UnreadableLaunchFile
 
 _ADDRESS = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?\Z")
 _LONGEST = 100

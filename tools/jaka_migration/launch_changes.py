@@ -3,8 +3,8 @@ import re
 from dataclasses import dataclass, field
 from typing import List, Optional
 
-from .findings import CellFinding
-from .launch_file import Edit, Element, elements, insertion, with_edits
+from jaka_migration.findings import CellFinding
+from jaka_migration.launch_file import Edit, Element, elements, insertion, with_edits
 
 _FIND = re.compile(r"find\s*\(?\s*['\"]?jaka_driver\b")
 _FIND_BYTES = re.compile(rb"\$\(\s*find\s+(jaka_driver)\s*\)")

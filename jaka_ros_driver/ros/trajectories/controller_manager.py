@@ -12,7 +12,7 @@ import rospy
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.other_messages import message_type, old_switch_type, service_type
+from jaka_ros_driver.ros.other_messages import OLD_SWITCH_MD5, message_type, old_switch_type, service_type
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.start_checks import server_of
@@ -156,7 +156,7 @@ class ControllerManager:
 
     def _server(self, name: str, spec: _Spec) -> ServiceServer:
         kind = service_type("controller_manager_msgs/" + spec.type_name)
-        other = (old_switch_type(),) if spec.type_name == "SwitchController" else ()
+        other = {OLD_SWITCH_MD5: old_switch_type()} if spec.type_name == "SwitchController" else None
         return ServiceServer(name, kind, lambda request: self._answer(name, spec, request, kind._response_class()),
                              CallCount(), other)
 

@@ -15,6 +15,7 @@ from unittest import mock
 import shtab
 
 SUMMARIES = {
+    "check_moveit_config": "check a MoveIt configuration of a JAKA arm against the driver",
     "jaka_bag": "record, play, convert, inspect and compare state logs of ROS 1",
     "jaka_driver": "ROS driver of one JAKA arm",
     "jaka_foxglove": "show a running ROS 1 system to Foxglove and Lichtblick",
@@ -24,8 +25,9 @@ SUMMARIES = {
     "jaka_sim proxy": "record what passes between a driver and a controller",
     "migrate_cell": "read and change a cell that was written for the maker's driver of JAKA arms",
 }
-PARSED = {"jaka_driver": "jaka_ros_driver.ros.node", "jaka_panel": "jaka_panel.program",
-          "jaka_sim": "jaka_ros_driver.simulation.__main__", "migrate_cell": "jaka_migration.cell"}
+PARSED = {"check_moveit_config": "jaka_migration.moveit_config", "jaka_driver": "jaka_ros_driver.ros.node",
+          "jaka_panel": "jaka_panel.program", "jaka_sim": "jaka_ros_driver.simulation.__main__",
+          "migrate_cell": "jaka_migration.cell"}
 """Programs whose parser is asked; jaka_bag has completions of its own."""
 
 
