@@ -5,6 +5,7 @@ handlers         the handlers, which carry services out with the arm
 server           rospy's service, for clients built with other definitions too; calls are counted
 recover_action   the action ~recover
 path_action      the action ~move_path
+gripper_action   the action of a gripper, and its joint
 servo_move_wire  the maker's own definition of ServoMove.srv
 call_publisher   the publisher of a record of every call
 """

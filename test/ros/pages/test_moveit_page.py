@@ -16,8 +16,8 @@ NODE = "/jaka_driver/"
 
 
 def block(language):
-    (text,) = [one.text for one in blocks(PAGE) if one.language == language]
-    return text
+    """Return the first block of a language."""
+    return next(one.text for one in blocks(PAGE) if one.language == language)
 
 
 def test_the_controllers_are_those_of_the_driver():
