@@ -93,14 +93,14 @@ class Gripper:
 
 
 class Inputs(NamedTuple):
-    """What the inputs show; None for one that the gripper does not have."""
+    """The values of the inputs; None for one that the gripper does not have."""
 
     is_open: Optional[bool] = None
     is_closed: Optional[bool] = None
     is_gripped: Optional[bool] = None
 
 
-class End(NamedTuple):
+class GripperEnd(NamedTuple):
     """The end of a goal.
 
     Attributes:
@@ -156,7 +156,7 @@ def position_of(gripper: Gripper, inputs: Inputs, assumed: Optional[float]) -> O
     return None
 
 
-def end_of_goal(gripper: Gripper, is_closing: bool, inputs: Optional[Inputs], elapsed: float) -> Optional[End]:
+def end_of_goal(gripper: Gripper, is_closing: bool, inputs: Optional[Inputs], elapsed: float) -> Optional[GripperEnd]:
     """Return the end of a goal; None while it runs.
 
     Args:
@@ -168,24 +168,25 @@ def end_of_goal(gripper: Gripper, is_closing: bool, inputs: Optional[Inputs], el
     target = gripper.closed_position if is_closing else gripper.open_position
     word = "closed" if is_closing else "open"
     if not gripper.has_inputs:
-        return None if elapsed < gripper.stroke_time else End(
+        return None if elapsed < gripper.stroke_time else GripperEnd(
             True, target, False, True, "%s by the time of a stroke, %g s; no input shows it" % (word, elapsed))
     if inputs is not None:
         arrived, other_end = (inputs.is_closed, inputs.is_open) if is_closing else (inputs.is_open, inputs.is_closed)
         elsewhere = other_end or (inputs.is_gripped and not is_closing)
         if not elsewhere:
             if arrived:
-                return End(True, target, False, True, "%s_input is 1" % word)
+                return GripperEnd(True, target, False, True, "%s_input is 1" % word)
             if is_closing and inputs.is_gripped:
-                return End(True, gripper.gripped_position, True, False, "gripped_input is 1: it holds a work piece")
+                return GripperEnd(True, gripper.gripped_position, True, False,
+                                  "gripped_input is 1: it holds a work piece")
             if arrived is None and elapsed >= gripper.stroke_time:
-                return End(True, target, False, True, "%s by the time of a stroke, %g s: no input shows that it is "
-                                                      "elsewhere" % (word, elapsed))
+                return GripperEnd(True, target, False, True, "%s by the time of a stroke, %g s: no input shows that "
+                                                             "it is elsewhere" % (word, elapsed))
     if elapsed < gripper.timeout:
         return None
     if inputs is None:
-        return End(False, None, False, False, "the controller shows no inputs within %g s" % gripper.timeout)
-    return End(False, None, bool(other_end is False and not elsewhere), False, "not %s within %g s: %s" % (
+        return GripperEnd(False, None, False, False, "the controller shows no inputs within %g s" % gripper.timeout)
+    return GripperEnd(False, None, bool(other_end is False and not elsewhere), False, "not %s within %g s: %s" % (
         word, gripper.timeout, ", ".join("%s is %d" % (name, shown) for name, shown in zip(
             ("open_input", "closed_input", "gripped_input"), inputs) if shown is not None)))
 

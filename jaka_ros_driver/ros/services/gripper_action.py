@@ -17,7 +17,7 @@ from jaka_ros_driver.commands import SetAnalogOutput, SetDigitalOutput
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.gripper import End, Gripper, Inputs, end_of_goal, position_of, read_inputs
+from jaka_ros_driver.ros.gripper import Gripper, GripperEnd, Inputs, end_of_goal, position_of, read_inputs
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.topics.stamps import SampleStamps
@@ -143,7 +143,7 @@ class GripperAction:
         self._server.start()
 
     def finish_goals(self, timeout: float) -> None:
-        """End the running goal, and wait until it has its result, at most ``timeout`` s; the outputs stay."""
+        """GripperEnd the running goal, and wait until it has its result, at most ``timeout`` s; the outputs stay."""
         with self._changing:
             self._is_closed = True
             if self._current is not None:
@@ -161,7 +161,7 @@ class GripperAction:
             goal = _Goal(handle, self._gripper.closes(command.position, command.max_effort))
         except InvalidCommand as error:
             _LOG.info("gripper: %s", error)
-            handle.set_rejected(self._result_of(End(False, self._joint.position, False, False, "")), str(error))
+            handle.set_rejected(self._result_of(GripperEnd(False, self._joint.position, False, False, "")), str(error))
             return
         with self._changing:
             if self._current is not None:
@@ -183,13 +183,13 @@ class GripperAction:
             try:
                 end = self._end_of(goal)
             except JakaError as error:
-                end = End(False, None, False, False, str(error))
+                end = GripperEnd(False, None, False, False, str(error))
             except Exception as error:  # a defect; its client must not wait for ever
-                self._finish(goal, End(False, None, False, False, "internal error: %r" % error))
+                self._finish(goal, GripperEnd(False, None, False, False, "internal error: %r" % error))
                 raise
             self._finish(goal, end)
 
-    def _end_of(self, goal: _Goal) -> Optional[End]:
+    def _end_of(self, goal: _Goal) -> Optional[GripperEnd]:
         """Set the outputs, and wait for the end; return it, or None where the goal was ended before."""
         with self._outputs:  # of the goals that come together the newest sets its outputs last
             for command in self._gripper.commands(goal.is_closing):
@@ -220,7 +220,7 @@ class GripperAction:
             return None
         return read_inputs(self._gripper, state.io) if state.received_at > since else None
 
-    def _finish(self, goal: _Goal, end: Optional[End]) -> None:
+    def _finish(self, goal: _Goal, end: Optional[GripperEnd]) -> None:
         """Give the goal its result; ``end`` None is that of one which was ended before it arrived."""
         with self._changing:
             is_current = self._current is goal
@@ -231,12 +231,12 @@ class GripperAction:
         if end is None:
             _LOG.info("gripper: %s", goal.why)
             finish = goal.handle.set_aborted if self._is_closed else goal.handle.set_canceled
-            finish(self._result_of(End(False, self._joint.position, False, False, goal.why)), goal.why)
+            finish(self._result_of(GripperEnd(False, self._joint.position, False, False, goal.why)), goal.why)
             return
         log = _LOG.info if end.is_success else _LOG.warning
         log("gripper: %s", end.text)
         (goal.handle.set_succeeded if end.is_success else goal.handle.set_aborted)(self._result_of(end), end.text)
 
-    def _result_of(self, end: End) -> Any:
+    def _result_of(self, end: GripperEnd) -> Any:
         return self._result(position=math.nan if end.position is None else end.position, effort=0.0,
                             stalled=end.is_stalled, reached_goal=end.reached_goal)
