@@ -143,7 +143,7 @@ class GripperAction:
         self._server.start()
 
     def finish_goals(self, timeout: float) -> None:
-        """GripperEnd the running goal, and wait until it has its result, at most ``timeout`` s; the outputs stay."""
+        """End the running goal, and wait until it has its result, at most ``timeout`` s; the outputs stay."""
         with self._changing:
             self._is_closed = True
             if self._current is not None:
