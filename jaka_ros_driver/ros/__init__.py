@@ -2,6 +2,7 @@
 
 node          the command jaka_driver: creates and connects everything below
 params        private parameters, checked, as one DriverConfig
+gripper       a gripper on digital outputs: its description, and the decisions on goals, without ROS
 convert       ROS requests to commands, results and states to ROS messages; no other file here changes units
 services      the services: their table, their server, their handlers, the record of every call
 audit         the lines of the audit log that are made from calls, goals and messages

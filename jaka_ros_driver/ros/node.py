@@ -31,6 +31,7 @@ from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from, with_common_ip
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.gripper_action import GripperAction, GripperJoint
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
@@ -92,8 +93,12 @@ class DriverNode:
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._ends = MotionEnds(self._arm)
-        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames, self._ends),
-                                  CallPublisher(), self._recorder)
+        handlers = ServiceHandlers(self._arm, config, self._frames, self._ends)
+        self._services = Services(decoder, handlers, CallPublisher(), self._recorder)
+        self._gripper = None if config.gripper is None else GripperAction(
+            self._arm, config.gripper, handlers.output, GripperJoint(
+                config.gripper, config.frame_prefix + config.gripper.joint, self._publishers.joint_states.publish,
+                self._publishers.stamps), self._recorder)
         self._recover = RecoverAction(self._arm, self._recorder)
         self._paths = PathAction(self._arm, decoder, self._recorder)
         self._trajectories = TrajectoryInterface(
@@ -140,6 +145,8 @@ class DriverNode:
         self._services.offer()
         self._recover.offer()
         self._paths.offer()
+        if self._gripper is not None:
+            self._gripper.offer()
         self._trajectories.offer()
         self._query.offer()
         self._manager.offer()
@@ -193,6 +200,8 @@ class DriverNode:
             self._services.finish_calls(_ANSWER_TIMEOUT_S)
             self._recover.finish_goals(_ANSWER_TIMEOUT_S)
             self._paths.finish_goals(_ANSWER_TIMEOUT_S)
+            if self._gripper is not None:
+                self._gripper.finish_goals(_ANSWER_TIMEOUT_S)
             self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
             self._ends.close()
             self._master_watch.close()

@@ -22,6 +22,7 @@ MD5 = {
     "controller_manager_msgs/SwitchController": "b29a7abc673b2c54c14b54e50f8d06a5",
     "controller_manager_msgs/UnloadController": "647e5c54b8d6468952d8d31f1efe96c0",
     "industrial_msgs/StopMotion": "50b1f38f75f5677e5692f3b3e7e1ea48",
+    "control_msgs/GripperCommandAction": "950b2a6ebe831f5d4f4ceaba3d8be01e",
     "industrial_msgs/RobotStatus": "b733cb45a38101840b75c4c0d6093d19",
 }
 """Checksums of the published definitions; controller_manager_msgs as in ROS Noetic."""
@@ -52,6 +53,21 @@ _DEFINITIONS = {
         "int32 error_code\nint32 SUCCESSFUL = 0\nint32 INVALID_GOAL = -1\nint32 INVALID_JOINTS = -2\n"
         "int32 OLD_HEADER_TIMESTAMP = -3\nint32 PATH_TOLERANCE_VIOLATED = -4\nint32 GOAL_TOLERANCE_VIOLATED = -5\n"
         "string error_string\n"),
+    "control_msgs/GripperCommand": "float64 position\nfloat64 max_effort\n",
+    "control_msgs/GripperCommandAction": (
+        "GripperCommandActionGoal action_goal\nGripperCommandActionResult action_result\n"
+        "GripperCommandActionFeedback action_feedback\n"),
+    "control_msgs/GripperCommandActionFeedback": (
+        "Header header\nactionlib_msgs/GoalStatus status\nGripperCommandFeedback feedback\n"),
+    "control_msgs/GripperCommandActionGoal": (
+        "Header header\nactionlib_msgs/GoalID goal_id\nGripperCommandGoal goal\n"),
+    "control_msgs/GripperCommandActionResult": (
+        "Header header\nactionlib_msgs/GoalStatus status\nGripperCommandResult result\n"),
+    "control_msgs/GripperCommandFeedback": (
+        "float64 position       # m, or rad\nfloat64 effort         # N\nbool stalled\nbool reached_goal\n"),
+    "control_msgs/GripperCommandGoal": "GripperCommand command\n",
+    "control_msgs/GripperCommandResult": (
+        "float64 position       # m, or rad\nfloat64 effort         # N\nbool stalled\nbool reached_goal\n"),
     "control_msgs/JointTolerance": (
         "string name\nfloat64 position       # rad; 0: the default, negative: none\nfloat64 velocity\n"
         "float64 acceleration\n"),

@@ -15,6 +15,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+from jaka_ros_driver.ros.gripper import KEYS, Gripper, gripper_from
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
 DOCUMENTED, VENDOR, VENDOR_2025 = "documented", "vendor", "vendor_2025"
@@ -240,6 +241,9 @@ class DriverConfig:
         0.01, 0.0, 1.0, "rad", "So near to the last point a trajectory must end; 0: anywhere. A goal may name others.")
     trajectory_goal_time: float = _number(
         1.0, 0.0, 60.0, "s", "So long after a trajectory's time the arm must rest there. A goal may name another.")
+    gripper: Optional[Gripper] = _parameter(
+        None, "keys with values", "", ", ".join(KEYS), "A gripper on digital outputs, with an action for MoveIt "
+        "(gripper.md). Default: none, and no action.", gripper_from)
     realtime_priority: int = _integer(
         0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames "
         "then keep their interval beside other load. 0 leaves the scheduler as it is.")

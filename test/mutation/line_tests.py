@@ -37,6 +37,7 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/node.py": ("test/ros/test_node.py", "test/ros/services/test_stop.py"),
     "ros/other_messages.py": ("test/ros/test_external_messages.py",),
     "ros/services/call_publisher.py": ("test/ros/services/test_services.py",),
+    "ros/services/gripper_action.py": ("test/ros/services/test_gripper_live.py",),
     "ros/services/path_action.py": ("test/ros/paths/test_move_path.py",),
     "ros/services/recover_action.py": ("test/ros/services/test_recover_action.py",),
     "ros/services/handlers.py": ("test/ros/services/test_services.py",),

@@ -46,6 +46,7 @@ WRONG = [
     ("trajectory_goal_tolerance", math.nan, "0 to 1 rad"), ("trajectory_goal_time", 61.0, "0 to 60 s"),
     ("late_stamp", -0.1, "0 to 10 s"), ("late_stamp", "1", "0 to 10 s"),
     ("trajectory_overshoot", "slow", "scale, refuse"), ("trajectory_overshoot", True, "scale, refuse"),
+    ("gripper", 1, "keys with values"), ("gripper", {"joint": "finger"}, "stroke_time is missing"),
     ("realtime_priority", -1, "0 to 99"), ("realtime_priority", 50.0, "0 to 99"), ("model", {"name": "zu7"}, "one of"),
     ("audit_dir", "logs", "an absolute path"), ("audit_dir", True, "an absolute path"),
     ("audit_dir", "/logs\0", "an absolute path"), ("audit_days", -1, "0 to 36500 days"),

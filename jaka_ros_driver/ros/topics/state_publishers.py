@@ -60,6 +60,7 @@ class StatePublishers(LoopTask):
 
     Attributes:
         stamps: Of the samples.
+        joint_states: The publisher of ``~joint_states_topic``, on which others publish joints of their own.
     """
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader) -> None:
@@ -78,7 +79,7 @@ class StatePublishers(LoopTask):
         else:
             _LOG.warning("jaka_msgs in %s has no RobotMsg: ~robot_states is not published; everything else is served",
                          messages.__path__[0])
-        self._joint_states = _publisher(config.joint_states_topic, JointState)
+        self.joint_states = _publisher(config.joint_states_topic, JointState)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
         self._repeater = StateRepeater(1.0 / config.publish_rate)
         self._thinner = StateThinner(1.0 / config.publish_rate, arm.settings.feed_period)
@@ -124,8 +125,8 @@ class StatePublishers(LoopTask):
         self._newest = sample
         self._publish(sample)
         self._repeater.arrived(state.received_at)
-        if self._joint_states.get_num_connections():
-            self._joint_states.publish(convert.joint_position(
+        if self.joint_states.get_num_connections():
+            self.joint_states.publish(convert.joint_position(
                 state, stamp, self._joint_names, self.joint_velocity(state)))
         if self._tf is not None and self._tf.get_num_connections():
             self._tf.publish(TFMessage(self._transforms(state, stamp)))

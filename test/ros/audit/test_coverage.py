@@ -72,14 +72,16 @@ def wait_until_all_is_offered(node, folder):
 
 
 def test_all_that_a_driver_takes_is_recorded_or_listed_with_the_reason(ros_node, simulator, tmp_path):
+    gripper = {"joint": "finger", "open_position": 0.1, "closed_position": 0, "stroke_time": 1, "open_output": 0}
     with DriverProcess("covered", audit_dir=str(tmp_path), industrial_names=True, controller_manager=True,
-                       **on(simulator, guard=False)):
+                       gripper=gripper, **on(simulator, guard=False)):
         wait_until_all_is_offered("/covered", tmp_path)
         taken = taken_by("/covered")
         assert unrecorded("/covered", tmp_path) == set()
     assert {"/stop_motion", "/joint_path_command", "/joint_trajectory_action/goal", "/covered/jog_twist",
             "/covered/servo_p_command", "/covered/move_path/cancel", "/covered/power", CONTROLLER + "/query_state",
-            "/controller_manager/list_controllers", "/controller_manager/switch_controller"} <= taken
+            "/controller_manager/list_controllers", "/controller_manager/switch_controller",
+            "/jaka_gripper_controller/gripper_cmd/goal"} <= taken
 
 
 def test_what_is_neither_is_found(ros_node, simulator, tmp_path, monkeypatch):

@@ -16,8 +16,8 @@ NODE = "/jaka_driver/"
 
 
 def block(language):
-    (text,) = [one.text for one in blocks(PAGE) if one.language == language]
-    return text
+    """Return the first block of a language."""
+    return next(one.text for one in blocks(PAGE) if one.language == language)
 
 
 def test_the_controllers_are_those_of_the_driver():
@@ -25,6 +25,14 @@ def test_the_controllers_are_those_of_the_driver():
     assert controller["name"] == config_from({"model": "zu7"}).trajectory_controller_name
     assert controller["action_ns"] == "follow_joint_trajectory" and controller["type"] == "FollowJointTrajectory"
     assert controller["joints"] == list(JOINTS)
+
+
+def test_the_gripper_s_entry_is_that_of_its_example():
+    (entry,) = yaml.safe_load(next(one.text for one in blocks(PAGE) if "gripper_cmd" in one.text))
+    described = yaml.safe_load((import_graph.ROOT / "docs" / "examples" / "gripper.yaml").read_text(encoding="utf-8"))
+    gripper = config_from(described).gripper
+    assert (entry["name"], entry["joints"]) == (gripper.controller, [gripper.joint])
+    assert (entry["action_ns"], entry["type"]) == ("gripper_cmd", "GripperCommand")
 
 
 def test_the_launch_file_sets_what_the_driver_and_its_launch_file_know():

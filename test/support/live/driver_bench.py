@@ -1,6 +1,7 @@
 """The driver node on a simulated controller, each in its own process: services, topics, signals, motions."""
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -177,7 +178,8 @@ class DriverProcess:
     """The executable jaka_driver, started directly; parameters as ``name=value``."""
 
     def __init__(self, name="jaka_driver", environment=None, remappings=(), **parameters):
-        words = ["__name:=" + name, *remappings] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
+        words = ["__name:=" + name, *remappings] + ["_%s:=%s" % (key, yaml.safe_dump(
+            value, default_flow_style=True, width=math.inf).split("\n")[0])
                                        for key, value in parameters.items()]
         self.process = subprocess.Popen(
             [*PROGRAM, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
