@@ -10,7 +10,7 @@ from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThe
 def fast(factor, spacing=0.05):
     """Return a wave whose highest acceleration is ``factor`` times what a joint has."""
     points = wave(spacing, duration=2.0)
-    needed = np.abs([build(points).at(t).acceleration for t in np.arange(0.0, 2.0, 0.001)]).max()
+    needed = np.abs(build(points).samples(np.arange(0.0, 2.0, 0.001))[2]).max()
     scale = (factor * ACCELERATION / needed) ** 0.5
     return [type(p)(p.time / scale, p.position, tuple(v * scale for v in p.velocity)) for p in points]
 
@@ -31,8 +31,8 @@ def shares(frames):
             float(np.abs(np.diff(frames, 2, axis=0)).max() / PERIOD ** 2 / ACCELERATION))
 
 
-@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.02])
-@pytest.mark.parametrize("factor", [1.03, 1.1, 1.2, 1.24])
+@pytest.mark.parametrize("spacing", [0.1, 0.02])
+@pytest.mark.parametrize("factor", [1.03, 1.24])
 def test_a_small_overshoot_is_slowed_on_the_same_way(factor, spacing):
     points = fast(factor, spacing)
     with pytest.raises(InvalidTrajectory, match=r"would need -?1[2-5]\.\d+ rad/s2"):
@@ -43,7 +43,7 @@ def test_a_small_overshoot_is_slowed_on_the_same_way(factor, spacing):
     assert max(shares(frames)) <= 1.021
     assert points[-1].time < duration <= points[-1].time * factor
     assert duration == pytest.approx(points[-1].time + path.rates.delay(), abs=0.03)
-    exact = np.array([path.at(t).position for t in np.arange(0.0, path.end, 0.0005)])
+    exact = path.samples(np.arange(0.0, path.end, 0.0005))[0]
     for frame in frames[::7]:  # the way is that of the plan: only its clock is slower
         assert np.abs(exact - frame).max(axis=1).min() < 2e-3
 
