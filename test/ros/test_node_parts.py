@@ -105,7 +105,7 @@ class Rospy:
         self.is_down = True
 
     def get_param(self, name, default=None):
-        return {}
+        return {} if name == "~" else default
 
     def get_name(self):
         return "/jaka_driver"

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import List, Optional
 
 from jaka_migration.findings import CellFinding
-from jaka_migration.launch_file import Edit, Element, elements, insertion, with_edits
+from jaka_migration.launch_file import Edit, LaunchElement, elements, insertion, with_edits
 
 _FIND = re.compile(r"find\s*\(?\s*['\"]?jaka_driver\b")
 _FIND_BYTES = re.compile(rb"\$\(\s*find\s+(jaka_driver)\s*\)")
@@ -23,7 +23,7 @@ class Wanted:
 
 
 @dataclass
-class LaunchFile:
+class ExaminedLaunchFile:
     """One launch file as it was read.
 
     Attributes:
@@ -41,13 +41,13 @@ class LaunchFile:
     takes_ip: int = 0
 
 
-def examine(data: bytes, wanted: Optional[Wanted]) -> LaunchFile:
+def examine(data: bytes, wanted: Optional[Wanted]) -> ExaminedLaunchFile:
     """Return what a launch file has, and its bytes as ``wanted`` (None: as they are).
 
     Raises:
         UnreadableLaunchFile: It cannot be read as XML.
     """
-    result = LaunchFile()
+    result = ExaminedLaunchFile()
     edits: List[Edit] = []
     every = elements(data)
     for one in every:
@@ -65,20 +65,20 @@ def examine(data: bytes, wanted: Optional[Wanted]) -> LaunchFile:
     return result
 
 
-def _kind(one: Element) -> str:
+def _kind(one: LaunchElement) -> str:
     """Return "node" or "include" for an element that starts the driver, the maker's or this one; "" for any other."""
     if one.tag == "node" and one.get("pkg") in ("jaka_driver", "jaka_ros_driver") and one.get("type") == "jaka_driver":
         return "node"
     return "include" if one.tag == "include" and _DRIVERS_FILE.match(one.get("file")) else ""
 
 
-def _is_hidden_start(one: Element) -> bool:
+def _is_hidden_start(one: LaunchElement) -> bool:
     """Return whether the maker's driver is named where only roslaunch can tell what starts with it."""
     return (not _kind(one) and "robot_start_launch" in one.get("file") and "jaka_driver" in one.get("file")
             or one.tag == "arg" and "jaka_driver" in (one.get("default"), one.get("value")))
 
 
-def _look(data: bytes, one: Element, result: LaunchFile) -> None:
+def _look(data: bytes, one: LaunchElement, result: ExaminedLaunchFile) -> None:
     """Note what one element has of the maker's packages."""
     def found(subject: str) -> None:
         result.findings.append(CellFinding(subject, one.line, data[one.begin:one.head_end]))
@@ -99,12 +99,13 @@ def _look(data: bytes, one: Element, result: LaunchFile) -> None:
         found("ip")
 
 
-def _is_global_ip(one: Element) -> bool:
+def _is_global_ip(one: LaunchElement) -> bool:
     return one.tag == "param" and one.get("name") in ("ip", "/ip") and not any(
         around.tag == "node" for around in one.ancestors())
 
 
-def _change(data: bytes, one: Element, child: str, wanted: Wanted, result: LaunchFile, edits: List[Edit]) -> None:
+def _change(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result: ExaminedLaunchFile,
+            edits: List[Edit]) -> None:
     """Add the edits of one element that starts the driver, or what stands against them."""
     here = "line %d: " % one.line
     if child == "param" and one.get("args"):
@@ -130,7 +131,7 @@ def _change(data: bytes, one: Element, child: str, wanted: Wanted, result: Launc
         edits.append(insertion(data, one, lines))
 
 
-def _address(data: bytes, one: Element, child: str, wanted: Wanted, result: LaunchFile) -> bytes:
+def _address(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result: ExaminedLaunchFile) -> bytes:
     """Return the address to be set, with its quotes; empty where none need be set."""
     has = one.child(child, "ip")
     if has is not None:
@@ -152,7 +153,7 @@ def _address(data: bytes, one: Element, child: str, wanted: Wanted, result: Laun
     return data[value.begin - 1:value.end + 1]
 
 
-def _global_ip(one: Element) -> Optional[Element]:
+def _global_ip(one: LaunchElement) -> Optional[LaunchElement]:
     """Return the one parameter ``ip`` that the maker's driver reads there; None where it is not plain which."""
     for around in one.ancestors():
         near = [sibling for sibling in around.children if _is_global_ip(sibling)]

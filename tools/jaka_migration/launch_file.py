@@ -30,7 +30,7 @@ class Attribute(NamedTuple):
 
 
 @dataclass
-class Element:
+class LaunchElement:
     """One element of a launch file.
 
     Attributes:
@@ -52,18 +52,18 @@ class Element:
     close: int
     is_empty: bool
     attributes: Dict[str, Attribute]
-    parent: "Optional[Element]" = None
-    children: "List[Element]" = field(default_factory=list)
+    parent: "Optional[LaunchElement]" = None
+    children: "List[LaunchElement]" = field(default_factory=list)
 
     def get(self, name: str) -> str:
         """Return the value of an attribute, "" where it is not there."""
         return self.attributes[name].value if name in self.attributes else ""
 
-    def child(self, tag: str, name: str) -> "Optional[Element]":
+    def child(self, tag: str, name: str) -> "Optional[LaunchElement]":
         """Return the child with this tag and this attribute ``name``."""
         return next((one for one in self.children if one.tag == tag and one.get("name") == name), None)
 
-    def ancestors(self) -> "Iterator[Element]":
+    def ancestors(self) -> "Iterator[LaunchElement]":
         """Yield the elements around this one, the nearest first."""
         around = self.parent
         while around is not None:
@@ -71,15 +71,15 @@ class Element:
             around = around.parent
 
 
-def elements(data: bytes) -> List[Element]:
+def elements(data: bytes) -> List[LaunchElement]:
     """Return every element of a file, in its order.
 
     Raises:
         UnreadableLaunchFile: It is no XML, declares entities (whose text stands elsewhere), or is in an encoding in
             which ASCII does not stand for itself.
     """
-    found: List[Element] = []
-    around: List[Element] = []
+    found: List[LaunchElement] = []
+    around: List[LaunchElement] = []
     parser = expat.ParserCreate()
 
     def begins(tag: str, attributes: Dict[str, str]) -> None:
@@ -88,7 +88,7 @@ def elements(data: bytes) -> List[Element]:
         if text is None:
             raise UnreadableLaunchFile("line %d: the tag %s cannot be found in the bytes" % (line, tag))
         places = {one.group(1).decode("utf-8", "replace"): one for one in _ATTRIBUTE.finditer(data, begin, text.end())}
-        one = Element(tag, line, begin, text.end(), text.end(), text.group().endswith(b"/>"),
+        one = LaunchElement(tag, line, begin, text.end(), text.end(), text.group().endswith(b"/>"),
                       {name: Attribute(value, places[name].start(2) + 1, places[name].end(2) - 1)
                        for name, value in attributes.items() if name in places}, around[-1] if around else None)
         if around:
@@ -129,7 +129,7 @@ def with_edits(data: bytes, edits: List[Edit]) -> bytes:
     return data
 
 
-def insertion(data: bytes, element: Element, lines: List[bytes]) -> Edit:
+def insertion(data: bytes, element: LaunchElement, lines: List[bytes]) -> Edit:
     """Return the edit that puts these lines, each one element, before everything else within an element.
 
     Indentation and line ends are those of the file.
