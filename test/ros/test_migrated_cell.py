@@ -15,7 +15,7 @@ import time
 import pytest
 import rospy
 import yaml
-from driver_bench import DriverProcess, SimulatorProcess, on
+from driver_bench import Arm, DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
 from program_places import command_of
 from raw_client import RawClient
@@ -135,7 +135,7 @@ def test_a_node_without_an_address_of_its_own_takes_the_global_one_and_says_so(c
         values = on(simulator, guard=False)
         del values["ip"]
         with DriverProcess("common", **values) as driver:
-            rospy.wait_for_service("/common/get_fk", WAIT)
+            Arm(simulator, "/common").wait_until_seen()
             code, said = driver.end()
     assert code == 0 and "~ip is not set: the controller is the one that /ip names, localhost" in said, said
     assert "at localhost:%d" % simulator.command_port in said

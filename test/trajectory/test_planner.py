@@ -170,7 +170,7 @@ def test_plans_of_a_planner_are_followed_in_their_time_and_on_their_spline(name,
 
 
 @pytest.mark.parametrize("name", FAST_MODELS)
-def test_plans_at_nearly_full_speed_are_taken_and_the_clock_is_slowed_where_their_polynomials_overshoot(name):
+def test_plans_of_a_planner_at_nearly_full_speed_are_taken_and_slowed_where_their_polynomials_overshoot(name):
     model, slowed, longest = load_model(name), 0, 0.0
     for number in range(FAST_PLANS):
         way = timed_way(model, 500 + number, FAST_SHARE, FAST_ACCELERATION)

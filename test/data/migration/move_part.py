@@ -21,7 +21,7 @@ def call(name, kind, *values):
 
 def servo(name, target):
     for _ in range(3):
-        call(name, ServoMove, target)
+        call(name, ServoMove, target, [])
         rospy.sleep(0.1)
 
 

