@@ -164,6 +164,8 @@ def read_yaml(path: str) -> Optional[YamlNode]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
+        if "nesting depth" in str(reason):  # some versions of libyaml have a limit of their own
+            reason = "it is deeper than %d levels" % DEEPEST
         raise Unreadable("is no YAML: %s" % reason, mark.line + 1 if mark is not None else None) from error
     return None if node is None else YamlNode(node)
 
