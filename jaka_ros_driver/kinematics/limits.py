@@ -86,6 +86,23 @@ def check(command: commands.Command, model: ArmModel, state: Optional[RobotState
     checker(command, model, state)
 
 
+def top_joint_speeds(model: ArmModel) -> Tuple[float, ...]:
+    """Return the highest speed of each joint, rad/s (6,): the model's, at most ``JOINT_SPEED_CEILING``."""
+    return tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
+
+
+def stoppable_speed(distance: float, acceleration: float, period: float) -> float:
+    """Return the highest speed from which a stop takes no more than this distance.
+
+    Args:
+        distance: rad or m, 0 or more.
+        acceleration: With which it brakes, in whole cycles, rad/s2 or m/s2.
+        period: Of a cycle, s.
+    """
+    half = 0.5 * period
+    return min(acceleration * (math.sqrt(half * half + 2.0 * distance / acceleration) - half), distance / period)
+
+
 def joint_speed_limit(model: ArmModel) -> float:
     """Return the highest ``JointMove.speed``, rad/s."""
     return min(max(model.joint_max_speed), JOINT_SPEED_CEILING)

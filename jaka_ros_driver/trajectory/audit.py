@@ -4,7 +4,7 @@ from typing import Callable, Optional
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, top_joint_speeds
 from jaka_ros_driver.trajectory.path import TERMS, Array, Path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT, Overshoots, Rates
@@ -70,17 +70,13 @@ def _audit_at(path: Path, model: ArmModel, times: Array, found: Optional[Oversho
     beyond = np.maximum(low - positions, positions - high) / _POSITION_SLACK
     _judge(times, beyond, 1.0, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
         joint + 1, positions[where, joint], low[joint], high[joint]), None)
-    top = _top_speeds(model)
+    top = np.array(top_joint_speeds(model))
     _judge(times, np.abs(velocities) / top, SPEED_SLACK, lambda where, joint: (
         "joint %d would run at %.4f rad/s %%s; valid: at most %.4f rad/s" % (
             joint + 1, velocities[where, joint], top[joint])), found)
     _judge(times, np.abs(accelerations) / JOINT_ACCELERATION_CEILING, ACCELERATION_SLACK, lambda where, joint: (
         "joint %d would need %.4f rad/s2 %%s; valid: at most %.4f rad/s2" % (
             joint + 1, accelerations[where, joint], JOINT_ACCELERATION_CEILING)), found, 0.5)
-
-
-def _top_speeds(model: ArmModel) -> Array:
-    return np.minimum(np.array(model.joint_max_speed), JOINT_SPEED_CEILING)
 
 
 def _audit_changes(path: Path, found: Optional[Overshoots]) -> None:
@@ -133,7 +129,7 @@ def _share_at(path: Path, model: ArmModel, rates: Rates) -> float:
     times = times[(times >= max(path.begin, float(path.breaks[0]))) & (times <= path.end)]
     _, velocities, accelerations = path.samples(times)
     rate, slope = (values[:, None] for values in rates.samples(times))
-    speeds = np.abs(velocities) / _top_speeds(model)
+    speeds = np.abs(velocities) / np.array(top_joint_speeds(model))
     needed = np.abs(accelerations) / JOINT_ACCELERATION_CEILING
     slowed = np.abs(accelerations * rate ** 2 + velocities * rate * slope) / JOINT_ACCELERATION_CEILING
     return float(max((speeds * rate / np.clip(speeds, 1.0, SPEED_SLACK)).max(initial=0.0),

@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, top_joint_speeds
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.trajectory.audit import ACCELERATION_SLACK
 from jaka_ros_driver.trajectory.path import JointState, Path
@@ -56,7 +56,7 @@ class PathClock:
         self.velocity: Vector = (0.0,) * JOINT_COUNT
         self._next: Optional[Tuple[float, Path]] = None
         self._ahead: Optional[_Step] = None
-        self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
+        self._top = top_joint_speeds(model)
 
     @property
     def is_at_end(self) -> bool:

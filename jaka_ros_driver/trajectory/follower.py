@@ -10,7 +10,12 @@ from collections import deque
 from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    SERVO_PERIOD_S,
+    stoppable_speed,
+    top_joint_speeds,
+)
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
@@ -28,6 +33,7 @@ _PULL = 0.2
 _MEAN_OVER_S, _FEW = 1.0, 4
 _MOST_PERIODS_AHEAD = 3.0
 _GAIN = 0.25 / SERVO_PERIOD_S
+_CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
 _BRAKE = 0.9 * JOINT_ACCELERATION_CEILING
 """Deceleration, rad/s2, that is planned with; the rest makes up for whole cycles."""
 _STILL = 1e-9
@@ -55,7 +61,7 @@ class PointFollower:
         self.position: Vector = position
         self.velocity: Vector = (0.0,) * JOINT_COUNT
         self.now = self._begun_at = now
-        self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
+        self._top = top_joint_speeds(model)
         self._acceleration: Vector = (0.0,) * JOINT_COUNT
         self._places: Deque[_Place] = deque([_Place(now, position)])
         self._came: Deque[float] = deque()
@@ -117,23 +123,7 @@ class PointFollower:
         wanted: Share of the joints' speeds that may be used, 0 to 1; 0 brakes, and holds.
         """
         target, speed = self._reference(self.now)
-        ways = [place.position for place in self._places] if len(self._places) == 1 else [
-            place.position for place in list(self._places)[1:]]
-        change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
-        last = self._last_step(change) if wanted > 0.0 else None
-        velocity = last or []
-        for joint, (here, before, top) in enumerate(zip(self.position, self.velocity, self._top)):
-            if last is not None:
-                break
-            new = 0.0
-            if wanted > 0.0:
-                away = target[joint] - here
-                new = speed[joint] + math.copysign(min(_GAIN * abs(away), _stoppable(abs(away))), away)
-                room = max([way[joint] for way in ways]) - here if new > 0.0 else here - min([
-                    way[joint] for way in ways])
-                top *= min(wanted, 1.0)
-                new = math.copysign(min(abs(new), top, _stoppable(max(room, 0.0))), new)
-            velocity.append(min(max(new, before - change), before + change))
+        velocity = (self._last_step() if wanted > 0.0 else None) or self._towards(target, speed, wanted)
         self._acceleration = tuple([(v - b) / SERVO_PERIOD_S for v, b in zip(velocity, self.velocity)])
         self.position = tuple([p + v * SERVO_PERIOD_S for p, v in zip(self.position, velocity)])
         self.velocity = tuple(velocity)
@@ -153,12 +143,29 @@ class PointFollower:
             mean = max(mean, ahead / _MOST_PERIODS_AHEAD)
         return min(max(mean, _SHORTEST_PERIOD_S), _LONGEST_PERIOD_S)
 
-    def _last_step(self, change: float) -> Optional[List[float]]:
+    def _towards(self, target: Vector, speed: Vector, wanted: float) -> List[float]:
+        """Return the velocity of this cycle, rad/s (6,), towards a target, rad (6,), that moves at ``speed``."""
+        if wanted <= 0.0:
+            return [_changed(before, 0.0) for before in self.velocity]
+        ahead = [place.position for place in self._places]
+        bounds = [(min(values), max(values)) for values in zip(*(ahead[1:] or ahead))]
+        velocity = []
+        for here, before, to, running, top, (low, high) in zip(
+                self.position, self.velocity, target, speed, self._top, bounds):
+            away = to - here
+            new = running + math.copysign(min(_GAIN * abs(away), _stoppable(abs(away))), away)
+            room = high - here if new > 0.0 else here - low
+            highest = min(top * min(wanted, 1.0), _stoppable(max(room, 0.0)))
+            velocity.append(_changed(before, math.copysign(min(abs(new), highest), new)))
+        return velocity
+
+    def _last_step(self) -> Optional[List[float]]:
         """Return the velocity, rad/s, that leads to the last point itself, where a cycle can take it up and end it."""
         if len(self._places) > 1:
             return None
         last = [(end - here) / SERVO_PERIOD_S for end, here in zip(self._places[0].position, self.position)]
-        fits = all(abs(new) <= 0.5 * change and abs(new - before) <= change for new, before in zip(last, self.velocity))
+        fits = all(abs(new) <= 0.5 * _CHANGE and abs(new - before) <= _CHANGE
+                   for new, before in zip(last, self.velocity))
         return last if fits else None
 
     def _reference(self, time: float) -> Tuple[Vector, Vector]:
@@ -188,6 +195,9 @@ def require_within(position: Vector, model: ArmModel) -> None:
 
 
 def _stoppable(distance: float) -> float:
-    """Return the highest speed, rad/s, from which a joint stops within this distance, rad, in whole cycles."""
-    half = 0.5 * SERVO_PERIOD_S
-    return min(_BRAKE * (math.sqrt(half * half + 2.0 * distance / _BRAKE) - half), distance / SERVO_PERIOD_S)
+    return stoppable_speed(distance, _BRAKE, SERVO_PERIOD_S)
+
+
+def _changed(before: float, wanted: float) -> float:
+    """Return the speed nearest to the wanted one that a cycle can change to, rad/s."""
+    return min(max(wanted, before - _CHANGE), before + _CHANGE)

@@ -10,7 +10,13 @@ from typing import Optional, Sequence, Tuple
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, TCP_ACCELERATION_CEILING
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    JOINT_SPEED_CEILING,
+    TCP_ACCELERATION_CEILING,
+    stoppable_speed,
+    top_joint_speeds,
+)
 from jaka_ros_driver.kinematics.rotations import (
     Transform,
     compose,
@@ -88,9 +94,7 @@ class _Follower:
     def _limited(self, away: Sequence[float]) -> Vector:
         """Return the velocity towards the target, no faster than allows a stop there in whole cycles."""
         distance = math.hypot(*away)
-        half = 0.5 * self._period
-        stoppable = self._acceleration * (math.sqrt(half * half + 2.0 * distance / self._acceleration) - half)
-        speed = min(self._max_speed, stoppable, distance / self._period)
+        speed = min(self._max_speed, stoppable_speed(distance, self._acceleration, self._period))
         wanted = tuple(a * speed / distance if distance > 0.0 else 0.0 for a in away)
         change = math.dist(wanted, self._velocity)
         if change <= self._max_change:
@@ -112,8 +116,7 @@ class JointServo:
             ahead: Longest time in which a target must be reachable from that frame, s.
             period: Of a cycle, s.
         """
-        self._followers = [_Follower(min(speed, JOINT_SPEED_CEILING), JOINT_ACCELERATION_CEILING, period)
-                           for speed in model.joint_max_speed]
+        self._followers = [_Follower(speed, JOINT_ACCELERATION_CEILING, period) for speed in top_joint_speeds(model)]
         self._limits = model.joint_limits
         self._max_jump = max_jump
         self._ahead = ahead

@@ -15,11 +15,11 @@ from jaka_ros_driver.kinematics.forward import forward, jacobian
 from jaka_ros_driver.kinematics.limits import (
     FLOAT32_SLACK,
     JOINT_ACCELERATION_CEILING,
-    JOINT_SPEED_CEILING,
     SERVO_PERIOD_S,
     TCP_ACCELERATION_CEILING,
     joint_speed_limit,
     tcp_speed_limit,
+    top_joint_speeds,
 )
 from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, compose
 from jaka_ros_driver.state import Vector
@@ -81,8 +81,8 @@ def require_possible(wish: Wish, model: ArmModel) -> None:
     if len(wish.velocity) != JOINT_COUNT or not all(map(math.isfinite, wish.velocity)):
         raise InvalidCommand("the velocity is %s; it must be six finite numbers" % (wish.velocity,))
     if wish.frame is JogFrame.JOINT:
-        for joint, (speed, top) in enumerate(zip(wish.velocity, model.joint_max_speed), 1):
-            _require("joint %d" % joint, abs(speed), min(top, JOINT_SPEED_CEILING), "rad/s")
+        for joint, (speed, top) in enumerate(zip(wish.velocity, top_joint_speeds(model)), 1):
+            _require("joint %d" % joint, abs(speed), top, "rad/s")
         return
     _require("the tool", math.hypot(*wish.velocity[:3]), tcp_speed_limit(model), "m/s")
     _require("the tool", math.hypot(*wish.velocity[3:]), joint_speed_limit(model), "rad/s")
