@@ -1,15 +1,23 @@
-"""The service types of the installed jaka_msgs, with a stand-in for each that it lacks.
+"""The service types of the installed jaka_msgs, a stand-in for each that it lacks, and the warning about that.
 
 A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack any of them, as the maker's lacks ``ClearErr``.
 """
+import logging
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jaka_msgs import srv as _installed
 
-__all__ = ["FOLDER", "AbsentType", "services"]
+__all__ = ["AbsentType", "services", "warn_absent"]
 
-FOLDER: str = _installed.__path__[0]
-"""The folder of the installed types."""
+_LOG = logging.getLogger(__name__)
+
+
+def warn_absent(what: str, change: str, where: Any = _installed) -> None:
+    """Log that the installed jaka_msgs lacks a type, and what that changes.
+
+    where: The module that lacks it.
+    """
+    _LOG.warning("jaka_msgs in %s has no %s: %s", where.__path__[0], what, change)
 
 
 class AbsentType(NamedTuple):

@@ -151,7 +151,7 @@ def service_type(name: str) -> Any:
 
 def made_service(name: str) -> Any:
     """Return a class of a service made from the definitions of this file, the same on the wire."""
-    return _service(name, made_type(name + "Request"), MD5[name])
+    return service_class(name, MD5[name], made_type(name + "Request"), made_type(name + "Response"))
 
 
 def stop_motion_type() -> Any:
@@ -161,10 +161,12 @@ def stop_motion_type() -> Any:
 
 def old_switch_type() -> Any:
     """Return the class of controller_manager_msgs/SwitchController with which clients of ros_control 0.13 are built."""
-    return _service("controller_manager_msgs/SwitchController",
-                    made_type("controller_manager_msgs/OldSwitchControllerRequest"), OLD_SWITCH_MD5)
+    name = "controller_manager_msgs/SwitchController"
+    return service_class(name, OLD_SWITCH_MD5, made_type("controller_manager_msgs/OldSwitchControllerRequest"),
+                         made_type(name + "Response"))
 
 
-def _service(name: str, request: Any, md5: str) -> Any:
-    return type(name.split("/")[1], (), {"_type": name, "_md5sum": md5, "_request_class": request,
-                                         "_response_class": made_type(name + "Response")})
+def service_class(name: str, md5sum: str, request: Any, response: Any) -> Any:
+    """Return a class of a service, ``package/Name``, with these classes of its request and response."""
+    return type(name.split("/")[1], (), {"_type": name, "_md5sum": md5sum, "_request_class": request,
+                                         "_response_class": response})

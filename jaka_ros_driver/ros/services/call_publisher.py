@@ -1,6 +1,5 @@
 """The publisher of a record of every service call: request, caller, response and duration."""
 import io
-import logging
 import time
 from typing import Any, NamedTuple, Optional
 
@@ -8,9 +7,8 @@ import genpy
 import rospy
 
 from jaka_msgs import msg as messages
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
-
-_LOG = logging.getLogger(__name__)
 
 _QUEUE = 200
 
@@ -38,8 +36,8 @@ class CallPublisher:
             self._publisher = rospy.Publisher("~service_calls", messages.ServiceCall, queue_size=_QUEUE,
                                               tcp_nodelay=True)
         else:
-            _LOG.warning("jaka_msgs in %s has no ServiceCall: the record of service calls, ~service_calls, is not "
-                         "published; everything else is served", messages.__path__[0])
+            warn_absent("ServiceCall", "the record of service calls, ~service_calls, is not published; everything else "
+                        "is served", messages)
 
     def answered(self, call: ReceivedCall, response: genpy.Message, outcome: ServiceOutcome) -> None:
         """Publish a call that ended with this response."""

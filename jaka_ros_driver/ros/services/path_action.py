@@ -14,6 +14,7 @@ from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.services.server import CallCount
 
 _LOG = logging.getLogger(__name__)
@@ -48,7 +49,7 @@ class PathAction:
     def offer(self) -> None:
         """Begin to take goals."""
         if not hasattr(messages, "MovePathAction"):
-            _LOG.warning("jaka_msgs in %s has no action MovePath: ~move_path is not offered", messages.__path__[0])
+            warn_absent("action MovePath", "~move_path is not offered", messages)
             return
         self._server = QuietActionServer("~move_path", messages.MovePathAction, self._take, self._cancel,
                                          self._recorder)

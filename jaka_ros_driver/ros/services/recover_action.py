@@ -14,6 +14,7 @@ from jaka_ros_driver.client.core.procedures.recovery import RecoveryCancelled, R
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.services.server import CallCount
 
 _LOG = logging.getLogger(__name__)
@@ -39,8 +40,7 @@ class RecoverAction:
     def offer(self) -> None:
         """Begin to take goals."""
         if not hasattr(messages, "RecoverAction"):
-            _LOG.warning("jaka_msgs in %s has no action Recover: the action ~recover is not offered, the service is",
-                         messages.__path__[0])
+            warn_absent("action Recover", "the action ~recover is not offered, the service is", messages)
             return
         self._server = QuietActionServer("~recover", messages.RecoverAction, self._take, self._cancel, self._recorder)
         self._server.start()

@@ -15,7 +15,7 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
-from jaka_ros_driver.ros.jaka_types import FOLDER, AbsentType
+from jaka_ros_driver.ros.jaka_types import AbsentType, warn_absent
 from jaka_ros_driver.ros.jaka_types import services as types
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher, ReceivedCall
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers, ServiceOutcome
@@ -185,8 +185,8 @@ def _first_installed(rows: Iterable[ServiceSpec]) -> Tuple[ServiceSpec, ...]:
 SERVICES = _first_installed(_ROWS)
 
 
-def absent_types() -> List[str]:
-    """Return, for each type that the installed jaka_msgs lacks, a sentence that names it and what that changes."""
+def absent_types() -> Dict[str, str]:
+    """Return the name of each type that the installed jaka_msgs lacks, with what that changes, in words."""
     offered = {spec.name: spec.srv_type._type for spec in SERVICES}
     lost: Dict[str, List[str]] = {}
     for row in _ROWS:
@@ -194,7 +194,7 @@ def absent_types() -> List[str]:
             kind = offered.get(row.name)
             lost.setdefault(row.srv_type.name, []).append(
                 "~%s is %s" % (row.name, "not offered" if kind is None else "served as " + kind))
-    return ["no %s: %s" % (name, ", ".join(services)) for name, services in lost.items()]
+    return {name: ", ".join(services) for name, services in lost.items()}
 
 
 class Services:
@@ -210,8 +210,8 @@ class Services:
         self._servers: List[ServiceServer] = []
 
     def offer(self) -> None:
-        for sentence in absent_types():
-            _LOG.warning("jaka_msgs in %s has %s; everything else is served", FOLDER, sentence)
+        for name, change in absent_types().items():
+            warn_absent(name, "%s; everything else is served" % change)
         for spec in SERVICES:
             self._recorder.offers_service("~" + spec.name)
             self._servers.append(ServiceServer(

@@ -20,6 +20,7 @@ from std_srvs.srv import EmptyRequest
 
 from jaka_ros_driver.ros.jaka_types import AbsentType
 from jaka_ros_driver.ros.jaka_types import services as types
+from jaka_ros_driver.ros.other_messages import service_class
 
 
 class _FloatArrays(genpy.Message):
@@ -96,25 +97,20 @@ _CLEAR_ERR_MD5 = "76c68a2c5e109f4d6a4dc1cfc355f405"
 
 def other_definitions(srv_type: Any) -> Dict[str, Any]:
     """Return the further definitions whose clients a service of a generated type takes, by the md5 that they send."""
+    response = srv_type._response_class
     if srv_type is types.ClearErr:
         other = types.ClearError
         return {} if isinstance(other, AbsentType) else {other._md5sum: other}
     if srv_type is types.ClearError:
-        return {_CLEAR_ERR_MD5: _definition("jaka_msgs/ClearErr", _CLEAR_ERR_MD5, EmptyRequest, srv_type)}
+        return {_CLEAR_ERR_MD5: service_class("jaka_msgs/ClearErr", _CLEAR_ERR_MD5, EmptyRequest, response)}
     if srv_type is not types.ServoMove:
         return {}
-    found = {md5sum: _definition(srv_type._type, md5sum, request, srv_type)
+    found = {md5sum: service_class(srv_type._type, md5sum, request, response)
              for md5sum, request in ((_POSE_MD5, ServoMovePoseRequest), (_WITH_SPEED_MD5, ServoMoveWithSpeedRequest))
              if md5sum != srv_type._md5sum}
     if srv_type._md5sum == _WITH_SPEED_MD5:
-        found["*"] = _definition(srv_type._type, _WITH_SPEED_MD5, ServoMoveAnyRequest, srv_type)
+        found["*"] = service_class(srv_type._type, _WITH_SPEED_MD5, ServoMoveAnyRequest, response)
     return found
-
-
-def _definition(name: str, md5sum: str, request: Any, installed: Any) -> Any:
-    """Return a service type with this request, and the response of the installed one."""
-    return type(name.split("/")[1], (), {"_type": name, "_md5sum": md5sum, "_request_class": request,
-                                         "_response_class": installed._response_class})
 
 
 def _floats(data: bytes, start: int) -> Tuple[Tuple[float, ...], int]:

@@ -4,7 +4,6 @@ A change of a digital value is published with the frame that shows it. Analog va
 alone is published ten times a second at most, and only while somebody subscribes. Without a change it is published once
 a second, so that a reader can see that it holds.
 """
-import logging
 from typing import Any, Optional, Tuple
 
 import rospy
@@ -12,10 +11,9 @@ import rospy
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.topics.stamps import SampleStamps
 from jaka_ros_driver.state import IoState, RobotState
-
-_LOG = logging.getLogger(__name__)
 
 _PERIOD_S = 1.0
 _ANALOG_PERIOD_S = 0.1
@@ -39,7 +37,7 @@ class IoPublisher:
             self._publisher = rospy.Publisher("~io_states", messages.IOStates, queue_size=_QUEUE, latch=True,
                                               tcp_nodelay=True)
         else:
-            _LOG.warning("jaka_msgs in %s has no IOStates: ~io_states is not published", messages.__path__[0])
+            warn_absent("IOStates", "~io_states is not published", messages)
 
     def start(self) -> None:
         """Begin to publish."""

@@ -1,6 +1,5 @@
 """The topics ``~motion_state`` and ``~program/state``: the progress and the ends of accepted moves and programs."""
 import itertools
-import logging
 import threading
 from concurrent.futures import Future
 from queue import SimpleQueue
@@ -10,9 +9,10 @@ import rospy
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.state import ProgramState, RobotState
 
-_LOG = logging.getLogger(__name__)
+_NOT_PUBLISHED = "the topic %s is not published; everything else is served"
 
 _QUEUE = 100
 
@@ -40,11 +40,11 @@ class MotionEnds:
         if hasattr(messages, "MotionState"):
             self._moves = rospy.Publisher("~motion_state", messages.MotionState, queue_size=_QUEUE, latch=True)
         else:
-            _warn("MotionState", "~motion_state")
+            warn_absent("MotionState", _NOT_PUBLISHED % "~motion_state", messages)
         if hasattr(messages, "ProgramState"):
             self._programs = rospy.Publisher("~program/state", messages.ProgramState, queue_size=_QUEUE, latch=True)
         else:
-            _warn("ProgramState", "~program/state")
+            warn_absent("ProgramState", _NOT_PUBLISHED % "~program/state", messages)
 
     def start(self) -> None:
         """Begin to publish."""
@@ -123,8 +123,3 @@ class MotionEnds:
     def _publish(self) -> None:
         for publisher, message in iter(self._waiting.get, None):
             publisher.publish(message)
-
-
-def _warn(kind: str, topic: str) -> None:
-    _LOG.warning("jaka_msgs in %s has no %s: the topic %s is not published; everything else is served",
-                 messages.__path__[0], kind, topic)

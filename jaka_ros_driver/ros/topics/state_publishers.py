@@ -3,7 +3,6 @@
 Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
 not made: its making would cost as much as that of those which are read.
 """
-import logging
 from typing import List, NamedTuple, Optional, Type, TypeVar, Union
 
 import genpy
@@ -19,13 +18,13 @@ from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
 from jaka_ros_driver.ros.frame_table import FrameReader
+from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
-_LOG = logging.getLogger(__name__)
 _Message = TypeVar("_Message", bound=genpy.Message)
 _QUEUE = 10
 _EARLY_S = 0.0005
@@ -77,8 +76,7 @@ class StatePublishers(LoopTask):
         if hasattr(messages, "RobotMsg"):
             self._robot_states = _publisher("~robot_states", messages.RobotMsg)
         else:
-            _LOG.warning("jaka_msgs in %s has no RobotMsg: ~robot_states is not published; everything else is served",
-                         messages.__path__[0])
+            warn_absent("RobotMsg", "~robot_states is not published; everything else is served", messages)
         self.joint_states = _publisher(config.joint_states_topic, JointState)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
         self._repeater = StateRepeater(1.0 / config.publish_rate)
