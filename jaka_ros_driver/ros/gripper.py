@@ -9,11 +9,11 @@ from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tup
 
 from jaka_ros_driver.commands import SetDigitalOutput
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.limits import IO_INDICES
 from jaka_ros_driver.state import IoBank, IoState
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*\Z")
 _BANKS = {"cabinet": IoBank.CABINET, "tool": IoBank.TOOL}
-_LARGEST_INDEX = 1023
 _LARGEST_POSITION = 10.0
 _LONGEST_STROKE_S = 60.0
 _LONGEST_TIMEOUT_S = 120.0
@@ -271,8 +271,8 @@ class _Reader:
         """Return the index of a terminal; None where there is none."""
         if name not in self._left:
             return None
-        taken: int = self.take(name, None, lambda index: type(index) is int and 0 <= index <= _LARGEST_INDEX,
-                               "a whole number, 0 to %d" % _LARGEST_INDEX, 0)
+        taken: int = self.take(name, None, lambda index: type(index) is int and 0 <= index <= IO_INDICES[1],
+                               "a whole number, 0 to %d" % IO_INDICES[1], 0)
         return taken
 
     def name(self, name: str, default: Optional[str]) -> str:

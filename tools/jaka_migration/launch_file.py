@@ -89,8 +89,8 @@ def elements(data: bytes) -> List[LaunchElement]:
             raise UnreadableLaunchFile("line %d: the tag %s cannot be found in the bytes" % (line, tag))
         places = {one.group(1).decode("utf-8", "replace"): one for one in _ATTRIBUTE.finditer(data, begin, text.end())}
         one = LaunchElement(tag, line, begin, text.end(), text.end(), text.group().endswith(b"/>"),
-                      {name: Attribute(value, places[name].start(2) + 1, places[name].end(2) - 1)
-                       for name, value in attributes.items() if name in places}, around[-1] if around else None)
+                            {name: Attribute(value, places[name].start(2) + 1, places[name].end(2) - 1)
+                             for name, value in attributes.items() if name in places}, around[-1] if around else None)
         if around:
             around[-1].children.append(one)
         found.append(one)
