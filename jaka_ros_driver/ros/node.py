@@ -24,6 +24,7 @@ from jaka_ros_driver.ros.audit.recorder import ClientEvents, Recorder
 from jaka_ros_driver.ros.audit.setting_up import audit_log_of, start_fields
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros
@@ -113,7 +114,7 @@ class DriverNode:
         self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
         self._master_watch = MasterWatch(self._set_parameters)
-        self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
+        self._simulated = direct_publisher("~simulated", Bool, 1, latch=True)
         self._is_simulated: Optional[bool] = None
         self._closing = threading.Lock()
         self._is_closed = False

@@ -7,6 +7,7 @@ import genpy
 import rospy
 
 from jaka_msgs import msg as messages
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 
@@ -33,8 +34,7 @@ class CallPublisher:
     def __init__(self) -> None:
         self._publisher = None
         if hasattr(messages, "ServiceCall"):
-            self._publisher = rospy.Publisher("~service_calls", messages.ServiceCall, queue_size=_QUEUE,
-                                              tcp_nodelay=True)
+            self._publisher = direct_publisher("~service_calls", messages.ServiceCall, _QUEUE)
         else:
             warn_absent("ServiceCall", "the record of service calls, ~service_calls, is not published; everything else "
                         "is served", messages)

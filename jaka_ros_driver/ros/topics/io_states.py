@@ -11,6 +11,7 @@ import rospy
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.topics.stamps import SampleStamps
 from jaka_ros_driver.state import IoState, RobotState
@@ -34,8 +35,7 @@ class IoPublisher:
         self._published_at = float("-inf")
         self._publisher: Optional[rospy.Publisher[messages.IOStates]] = None
         if hasattr(messages, "IOStates"):
-            self._publisher = rospy.Publisher("~io_states", messages.IOStates, queue_size=_QUEUE, latch=True,
-                                              tcp_nodelay=True)
+            self._publisher = direct_publisher("~io_states", messages.IOStates, _QUEUE, latch=True)
         else:
             warn_absent("IOStates", "~io_states is not published", messages)
 

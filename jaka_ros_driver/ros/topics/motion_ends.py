@@ -9,6 +9,7 @@ import rospy
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.state import ProgramState, RobotState
 
@@ -38,11 +39,11 @@ class MotionEnds:
         self._moves: Optional[rospy.Publisher[messages.MotionState]] = None
         self._programs: Optional[rospy.Publisher[messages.ProgramState]] = None
         if hasattr(messages, "MotionState"):
-            self._moves = rospy.Publisher("~motion_state", messages.MotionState, queue_size=_QUEUE, latch=True)
+            self._moves = direct_publisher("~motion_state", messages.MotionState, _QUEUE, latch=True)
         else:
             warn_absent("MotionState", _NOT_PUBLISHED % "~motion_state", messages)
         if hasattr(messages, "ProgramState"):
-            self._programs = rospy.Publisher("~program/state", messages.ProgramState, queue_size=_QUEUE, latch=True)
+            self._programs = direct_publisher("~program/state", messages.ProgramState, _QUEUE, latch=True)
         else:
             warn_absent("ProgramState", _NOT_PUBLISHED % "~program/state", messages)
 

@@ -5,13 +5,12 @@ silent ten times a second, with what is not known as UNKNOWN. While nobody subsc
 """
 from typing import Any, NamedTuple, Optional
 
-import rospy
-
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.state import RobotState
@@ -66,7 +65,7 @@ class RobotStatusPublisher(LoopTask):
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
         self._type = message_type("industrial_msgs/RobotStatus")
-        self._publisher = rospy.Publisher("~robot_status", self._type, queue_size=_QUEUE, tcp_nodelay=True)
+        self._publisher = direct_publisher("~robot_status", self._type, _QUEUE)
         self._clock = StampClock(ros_clock())
         self._newest: Optional[Truth] = None
         self._published_at = 0.0

@@ -12,6 +12,7 @@ from std_msgs.msg import Float64MultiArray
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.topics.stamps import SampleStamps
 from jaka_ros_driver.state import RobotState, Vector
 
@@ -48,7 +49,7 @@ class SensorTopic(Generic[_Message]):
     def offer_where_it_is_known(self, state: RobotState) -> None:
         """Offer the topic where the state has its values."""
         if self._publisher is None and self._read(state) is not None:
-            self._publisher = rospy.Publisher(self._name, self._type, queue_size=_QUEUE, tcp_nodelay=True)
+            self._publisher = direct_publisher(self._name, self._type, _QUEUE)
 
     def publish(self, state: RobotState, early: float) -> None:
         """Publish a new sample, where it is due within ``early``, s."""

@@ -1,10 +1,10 @@
 """The topic ``~speed_scaling_factor``: the controller's speed override, with which trajectories run, too."""
 from typing import Optional
 
-import rospy
 from std_msgs.msg import Float64
 
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.state import RobotState
 
 
@@ -17,7 +17,7 @@ class SpeedPublisher:
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
         self._published: Optional[float] = None
-        self._publisher = rospy.Publisher("~speed_scaling_factor", Float64, queue_size=1, latch=True)
+        self._publisher = direct_publisher("~speed_scaling_factor", Float64, 1, latch=True)
 
     def start(self) -> None:
         """Begin to publish."""

@@ -17,6 +17,7 @@ from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
@@ -32,12 +33,11 @@ _EARLY_S = 0.0005
 
 
 class Sample(NamedTuple):
-    """The messages of one status frame, kept so that they can be published again."""
+    """What one status frame has shown, kept so that it can be published again."""
 
-    received_at: float
-    tool_position: Optional[Union[TwistStamped, PoseStamped]]
-    joint_position: JointState
-    robot_states: "Optional[messages.RobotMsg]"
+    state: RobotState
+    stamp: rospy.Time
+    is_servo_active: bool
 
 
 class FrameNames:
@@ -96,7 +96,7 @@ class StatePublishers(LoopTask):
     def run(self, now: float) -> None:
         """Publish the newest sample again, with its own stamp, unless it is stale."""
         newest = self._newest
-        if newest is None or now - newest.received_at > self._config.stale_after or (
+        if newest is None or now - newest.state.received_at > self._config.stale_after or (
                 not self._arm.link_health.status_is_up):
             self._repeater.forget()
         else:
@@ -115,11 +115,7 @@ class StatePublishers(LoopTask):
         if not is_new or not self._thinner.takes(state.received_at):
             return
         stamp = self.stamps.of(state)
-        sample = Sample(
-            state.received_at, self._tool(state, stamp),
-            convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
-            None if self._robot_states is None else
-            convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
+        sample = Sample(state, stamp, self._arm.is_servo_active)
         self._newest = sample
         self._publish(sample)
         self._repeater.arrived(state.received_at)
@@ -136,11 +132,15 @@ class StatePublishers(LoopTask):
         return convert.tool_position(state, stamp, frame, self._config.is_vendor)
 
     def _publish(self, sample: Sample) -> None:
-        if sample.tool_position is not None:
-            self._tool_position.publish(sample.tool_position)
-        self._joint_position.publish(sample.joint_position)
-        if self._robot_states is not None and sample.robot_states is not None:
-            self._robot_states.publish(sample.robot_states)
+        state, stamp = sample.state, sample.stamp
+        if self._tool_position.get_num_connections():
+            tool_position = self._tool(state, stamp)
+            if tool_position is not None:
+                self._tool_position.publish(tool_position)
+        if self._joint_position.get_num_connections():
+            self._joint_position.publish(convert.joint_position(state, stamp, JOINTS, state.joint_velocity))
+        if self._robot_states is not None and self._robot_states.get_num_connections():
+            self._robot_states.publish(convert.robot_states(state, sample.is_servo_active, self._config.is_vendor))
 
     def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
         names = self._names
@@ -159,4 +159,4 @@ class StatePublishers(LoopTask):
 
 
 def _publisher(name: str, message_type: Type[_Message]) -> "rospy.Publisher[_Message]":
-    return rospy.Publisher(name, message_type, queue_size=_QUEUE, tcp_nodelay=True)
+    return direct_publisher(name, message_type, _QUEUE)

@@ -8,6 +8,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
@@ -54,12 +55,12 @@ class TrajectoryInterface:
 
     def offer(self) -> None:
         """Begin to take trajectories, and to publish."""
-        self._states = [rospy.Publisher(self._controller + "/state", message_type(
-            "control_msgs/JointTrajectoryControllerState"), queue_size=_QUEUE)]
+        self._states = [direct_publisher(self._controller + "/state", message_type(
+            "control_msgs/JointTrajectoryControllerState"), _QUEUE)]
         commands = [self._controller + "/command"]
         if self._has_industrial_names:
-            self._states.append(rospy.Publisher("feedback_states", message_type(
-                "control_msgs/FollowJointTrajectoryFeedback"), queue_size=_QUEUE))
+            self._states.append(direct_publisher("feedback_states", message_type(
+                "control_msgs/FollowJointTrajectoryFeedback"), _QUEUE))
             commands.append("joint_path_command")
             stop_motion = stop_motion_type()
             self._recorder.offers_service("stop_motion")

@@ -18,13 +18,18 @@ REPEATED = ("~tool_position", "~joint_position", "~robot_states")
 
 
 class Topic:
-    """A keeper of what is published; somebody subscribes to it."""
+    """A keeper of what is published.
+
+    Attributes:
+        listeners: How many subscribe to it.
+    """
 
     def __init__(self):
         self.messages = []
+        self.listeners = 1
 
     def get_num_connections(self):
-        return 1
+        return self.listeners
 
     def publish(self, message):
         self.messages.append(message)
@@ -90,8 +95,19 @@ def test_the_newest_state_of_a_slow_feed_is_repeated_with_its_own_stamp(bench):
     bench.publishers.run(bench.now + 0.01)
     for name in REPEATED:
         *_, last, repeated = bench.topics[name].messages
-        assert len(bench.topics[name].messages) == 11 and repeated is last
+        assert len(bench.topics[name].messages) == 11 and repeated == last
     assert len(bench.topics["joint_states"].messages) == len(bench.topics["/tf"].messages) == 10
+
+
+def test_a_message_that_nobody_listens_to_is_not_made(bench, monkeypatch):
+    bench.feed(1)
+    for topic in bench.topics.values():
+        topic.listeners = 0
+    for name in ("tool_position", "joint_position", "robot_states", "transform_message"):
+        monkeypatch.setattr(state_publishers.convert, name, lambda *_: pytest.fail("a message was made for nobody"))
+    bench.feed(10)
+    bench.publishers.run(bench.now + 0.01)
+    assert set(bench.counts().values()) == {1}
 
 
 @pytest.mark.parametrize("trouble", ["stale", "no link"])

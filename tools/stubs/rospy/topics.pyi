@@ -1,3 +1,4 @@
+import threading
 from typing import Any, Callable, Generic, TypeVar, overload
 
 import genpy
@@ -16,6 +17,7 @@ class Topic:
 
 class Publisher(Topic, Generic[_M]):
     data_class: type[_M]
+    impl: _PublisherImpl
     # Without a queue size a subscriber that has stopped holds up the publisher: so it is no option here.
     def __init__(
         self,
@@ -57,8 +59,14 @@ class Subscriber(Topic):
 
 class _TopicImpl:
     def __init__(self, name: str, data_class: Any) -> None: ...
-    connections: list[TCPROSTransport]
+    c_lock: threading.RLock
+    # Each has the methods of a transport.
+    connections: list[Any]
     ref_count: int
+
+class _PublisherImpl(_TopicImpl):
+    queue_size: int | None
+    def add_connection(self, c: Any) -> bool: ...
 
 class _TopicManager:
     pubs: dict[str, _TopicImpl]

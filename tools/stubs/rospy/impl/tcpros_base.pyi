@@ -23,7 +23,10 @@ class TCPROSTransportProtocol:
     ) -> None: ...
 
 class TCPROSTransport:
-    socket: Socket
+    # None once it is closed.
+    socket: Socket | None
+    stat_bytes: int
+    stat_num_msg: int
     header: dict[str, str]
     write_buff: io.BytesIO | None
     def __init__(
