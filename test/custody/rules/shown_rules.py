@@ -1,0 +1,84 @@
+"""The rules for what is shown as new: that the arm was there a moment ago."""
+from collections import deque
+from typing import Deque, Tuple
+
+from controller_room import ControllerRoom
+from slacks import AGE_SLACK, SHOWN_AGE, SHOWN_PERIODS, UNTELLING
+from verdict import Verdicts
+from wire import Network
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.state import RobotState, Vector
+
+_SAME_JOINT = 1e-6
+_HISTORY_S = 8.0
+_CYCLE = 0.008
+
+
+class ShownRules:
+    """The judge of the states that a driver shows as new, who knows where the arm has been.
+
+    Attributes:
+        mute_until: Until then the controller's answers, which would show how old a slow feed is, do not come through.
+    """
+
+    def __init__(self, network: Network, room: ControllerRoom, settings: ClientSettings, lateness: float,
+                 verdicts: Verdicts) -> None:
+        self._network, self._room, self._verdicts = network, room, verdicts
+        self._wire_age = network.terms[Port.STATUS, False].latency[1] + _CYCLE + lateness
+        self._longest = settings.silence_timeout + AGE_SLACK + self._wire_age
+        self._joints: Deque[Tuple[float, Vector]] = deque()
+        self.mute_until = 0.0
+
+    def was_at(self, joints: Vector, now: float) -> None:
+        """Note where the arm is."""
+        self._joints.append((now, joints))
+        while len(self._joints) > 2 and self._joints[1][0] < now - _HISTORY_S:
+            self._joints.popleft()
+
+    def shown(self, state: RobotState, now: float) -> None:
+        """Judge a state."""
+        age = max(SHOWN_AGE + self._wire_age,
+                  SHOWN_PERIODS * self._room.controller.state.feed_period + self._wire_age)
+        oldest = now - age
+        until = now
+        for since, joints in reversed(self._joints):
+            if until < oldest:
+                break
+            if _distance(joints, state.joint_position) <= _SAME_JOINT:
+                self._verdicts.uses("SHOWN_AGE", now - until - self._wire_age)
+                return
+            until = since
+        is_slow = self._network.is_slow(Port.STATUS, False)
+        if is_slow and (now < self.mute_until or not self._is_older(state.joint_position, now)):
+            return  # without the controller's answers, nothing shows how old a slow feed is
+        check = "age" if is_slow else "g"
+        self._verdicts.breaks(check, check, now, "a state is shown as new that the arm was not in within the last %.3f "
+                              "s; %s" % (age, self._age_of(state.joint_position, now)))
+
+    def _is_older(self, joints: Vector, now: float) -> bool:
+        """Return whether joints are older than a link slower than the feed allows.
+
+        Motion too small to differ from rest does not count.
+        """
+        until, oldest = now, now - self._longest
+        for since, known in reversed(self._joints):
+            if until < oldest:
+                break
+            if _distance(known, joints) <= UNTELLING:
+                return False
+            until = since
+        return True
+
+    def _age_of(self, joints: Vector, now: float) -> str:
+        until = now
+        for since, known in reversed(self._joints):
+            if _distance(known, joints) <= _SAME_JOINT:
+                return "it is %.3f s old" % (now - until)
+            until = since
+        return "it is older than anything known, or was never true"
+
+
+def _distance(a: Vector, b: Vector) -> float:
+    return max([abs(p - q) for p, q in zip(a, b)])
