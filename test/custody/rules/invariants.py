@@ -114,7 +114,7 @@ class Judge:
         self._seen_at = self._true_at = now
         self._jog_word_at = -1e9
         self._stop_wanted_at = _NEVER
-        self._seen.mute_until = now
+        self._seen.begin_anew(now)
         self._quiet: List[_Quiet] = []
         self._stops_before = 0
         self._stop_is_owed = False
@@ -166,6 +166,7 @@ class Judge:
             if reply.command == "get_simulator_identity" and self._settings.simulator:
                 self.sent.is_confirmed = self._settings.simulator.encode() in reply.text
             self.motion.reads_reply(reply, now)
+            self._seen.reads_reply(reply, now)
 
     def resumed(self, now: float) -> None:
         """Note that the process runs again."""
@@ -182,7 +183,7 @@ class Judge:
 
     def _mute(self, now: float) -> None:
         """Note that the controller's answers, which would show how old a slow feed is, do not come through."""
-        self._seen.mute_until = now + self._relink + self._settings.silence_timeout
+        self._seen.begin_anew(now + self._relink + self._settings.silence_timeout)
 
     def link_up(self, port: Port, now: float) -> None:
         """Ignore a new connection."""
@@ -245,6 +246,7 @@ class Judge:
         for request in self.sent.sends(data, self.driver.is_moving_told, now):
             name = request["cmdName"]
             self.motion.sends(request, now)
+            self._seen.sends(name, now)
             if name == "stop_program":
                 self._owes_stop = False
                 self._stop_wanted_at = min(self._stop_wanted_at, now)
