@@ -13,6 +13,7 @@ jaka_types    the service types of the installed jaka_msgs, and which it lacks
 other_messages   types of control_msgs and industrial_msgs, installed or made at start
 frame_table   the tool and user frames that the controller has stored
 model_check   comparison of the controller's pose with the arm model
+direct_publisher   publishers that write to their listeners in the publishing thread
 connections   bounds of the node's connections, and which are closed when there are too many
 driver_lock, single_name   one driver for each controller, one node for each name
 start_checks  refuses to start where no client can reach the node, time stands still, or a topic is used twice

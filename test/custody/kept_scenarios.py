@@ -396,6 +396,20 @@ KEPT: Dict[str, Scenario] = {
                                    link_loss_stop=0.3, power_timeout=3.0, enable_timeout=30.0),
         dialect={"power_delay": 0.0, "enable_delay": 15.0}, firmware="1.5.14", start="enabled",
         latency=(0.0001, 0.001), lateness=0.0, has_guard=False, ends="close in trouble", seed=2000045),
+    "a point that waited for the arm to rest moved it after its stream had been ended": _scenario(
+        (7.8019, "servo_session", {"is_pose": True, "relative": False, "rate": 10.0, "duration": 1.0, "speed": 2.3702,
+                                   "form": "turn back", "axis": 5, "burst": False, "leaves": False, "pause": 0.5,
+                                   "caller": 1}),
+        (9.0128, "feed_silent", {"duration": 2.2815}),
+        (10.6958, "feed_shows", {"what": {"protective_stop": 1}, "frames": 1}),
+        (11.1482, "kill", {"restart_after": 0.3597}),
+        (11.1956, "slow_link", {"port": "both", "carries": 0.5, "duration": 10.7214}),
+        (11.7533, "feed_repeats", {"frames": 1, "age": 2.0}), (11.953, "pause", {"duration": 0.2278}),
+        (12.1486, "point_stream", {"rate": 30.0, "ahead": 2.0, "jitter": 0.0, "duration": 0.05, "speed": 0.053,
+                                   "axis": 2, "turns": True, "chance": 863, "caller": 1}),
+        length=14.0, settings=dict(_SETTINGS, reply_timeout=0.4, servo_timeout=10.0, link_loss_stop=0.3),
+        firmware="1.5.14", start="enabled", latency=(0.0005, 0.005), lateness=0.0002, has_turns=True, has_guard=False,
+        ends="close", seed=977730060),
 }
 AWAITED: Dict[str, Scenario] = {
     "pause on a slow link": _scenario(

@@ -191,7 +191,7 @@ class CommandChannel:
             if request is not None:
                 self._stray_bytes = self._strays = 0
                 self.was_answered = True
-                # A reply that others passed, and that came all the same, was not lost: this controller lets others pass.
+                # What others passed, and that comes all the same, was not lost: this controller lets replies pass.
                 if request.was_passed and not self._exchange.is_outstanding(request.name):
                     self._lets_pass = True
             if request is None or request.waiter is None:

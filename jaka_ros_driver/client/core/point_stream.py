@@ -43,7 +43,11 @@ class PointGate:
         paused, self._came_at = now - self._came_at, now
         if paused >= HOLD_S:
             self._closed_by = ""
-        elif self._closed_by:
+        self.require_open()
+
+    def require_open(self) -> None:
+        """Check that nothing has closed the gate; errors as ``pass_through``."""
+        if self._closed_by:
             raise InvalidCommand("refused: the stream was ended (%s); it is taken again after a pause of %g s" % (
                 self._closed_by, HOLD_S))
 

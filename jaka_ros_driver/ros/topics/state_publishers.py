@@ -33,7 +33,7 @@ _EARLY_S = 0.0005
 
 
 class Sample(NamedTuple):
-    """What one status frame has shown, kept so that it can be published again."""
+    """The content of one status frame, kept so that it can be published again."""
 
     state: RobotState
     stamp: rospy.Time

@@ -283,6 +283,10 @@ class PointRequest(_TrajectoryRequest):
     def audit(self) -> None:
         require_within(self.point.position, self._arm.model)
 
+    def check(self, now: float) -> None:
+        self._gate.require_open()  # also of a point that waits: what came meanwhile has ended its stream
+        super().check(now)
+
     def join(self, now: float) -> bool:
         stream = self._arm.running(PointStream)
         if stream is not None and not stream.is_leaving:
