@@ -133,7 +133,7 @@ def test_what_ends_it_tells_how_far_it_came_and_nothing_is_sent_afterwards(arm, 
     if how == "stop_move":
         arm.call("stop_move")
     elif how == "cancel":
-        handle.cancel()
+        client.cancel(handle)
     elif how == "collision":
         arm.simulator.panel("hit", force=500.0)
     else:

@@ -173,7 +173,7 @@ def test_a_cancel_a_newer_goal_and_a_stop_leave_the_work_piece_where_it_is(arm, 
     third = begin(client, gripper, 0.08, (1, 0))
     arm.call("stop_move")
     assert gripper.valves() == (1, 0)
-    third.cancel()
+    client.cancel(third)
     assert client.end(third)[0] == "PREEMPTED" and gripper.valves() == (1, 0)
 
 

@@ -167,7 +167,7 @@ def test_a_cancelled_goal_comes_to_rest_smoothly_and_is_preempted(arm, client, l
     since = now()
     handle = client.send(goal_of(smooth(1.6, 2.0, 0.05)))
     assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.9)
-    handle.cancel()
+    client.cancel(handle)
     cancelled = now()
     state, result = client.end(handle)
     assert state == "PREEMPTED" and "cancelled" in result.error_string
@@ -337,10 +337,10 @@ def test_a_goal_and_a_cancel_in_one_instant_are_both_served(arm, client, first):
     one = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
     assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
     if first == "cancel":
-        one.cancel()
+        client.cancel(one)
     other_goal = client.send(goal_of([point(1.5, [q + 0.2 for q in START], REST)]))
     if first == "goal":
-        one.cancel()
+        client.cancel(one)
     assert client.end(one)[0] == "PREEMPTED"
     state, result = client.end(other_goal)
     assert state == "SUCCEEDED", result.error_string
@@ -572,7 +572,7 @@ def test_forty_goals_and_cancels_each_end_once(arm, client):
         handles.append(client.send(goal_of([point(0.6, [q + way for q in START], REST)])))
         time.sleep(0.02 * (number % 5))  # goals and cancels meet at ever other moments
         if number % 3 == 0:
-            handles[-1].cancel()
+            client.cancel(handles[-1])
     ends = [client.end(handle)[0] for handle in handles]
     assert set(ends) <= {"SUCCEEDED", "PREEMPTED", "RECALLED", "REJECTED"}, ends
     time.sleep(0.3)  # what must not come has no other sign

@@ -4,7 +4,7 @@ import time
 
 import actionlib
 import rospy
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import WAIT, eventually
 from wire_verdict import WireVerdict
@@ -82,6 +82,14 @@ class Client:
             if handle.get_comm_state() == actionlib.CommState.DONE:
                 self.ends.append((handle, time.monotonic() - begun))
         return self._client.send_goal(goal, changed, lambda _, feedback: self.feedback.append(feedback))
+
+    def cancel(self, handle):
+        """Ask for the end of a goal, which may have ended meanwhile.
+
+        The handle's own ``cancel`` then waits for an answer for ever: it sets its state without a look at the old one.
+        """
+        goal = handle.comm_state_machine.action_goal.goal_id.id
+        self._client.pub_cancel.publish(GoalID(stamp=rospy.Time(0), id=goal))
 
     def end(self, handle, timeout=WAIT):
         """Wait for a goal's end; return the name of its terminal state, and its result."""
