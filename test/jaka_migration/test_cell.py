@@ -156,7 +156,7 @@ PUBLISHED = {  # the shapes of clients that people have published, one line each
     "whole.py": (b"c = rospy.ServiceProxy(name, jaka_msgs.srv.SetIO, persistent=True)", "service is named elsewhere"),
     "typed.cpp": (b'c = nh.serviceClient<jaka_msgs::Move>("/jaka_driver/linear_move");', "linear_move: its orientation"),
     "member.cpp": (b"c_ = nh_.serviceClient<jaka_msgs::Move>(linear_move_service_);", "service is named elsewhere"),
-    "default.cpp": (b'n.param<std::string>("s", s_, std::string("/jaka_driver/linear_move"));', "linear_move: its or"),
+    "default.cpp": (b'n.param<std::string>("s", s_, std::string("/jaka_driver/linear_move"));', "linear_move"),
     "header.cpp": (b'#include "jaka_driver/JAKAZuRobot.h"', "maker's SDK in a program"),
     "login.cpp": (b'robot.login_in("10.5.5.100");', "maker's SDK in a program"),
     "module.py": (b"import jkrc", "maker's SDK in a program"),

@@ -1,7 +1,7 @@
 """Programs as people wrote them for the maker's driver, against this one: the same order of calls, types and names.
 
-Four patterns of published ROS 1 clients, written anew (``test/data/clients``): a gripper on outputs, a bridge from a topic
-to servo_j at 125 Hz, pick and place, the servo demo.
+Four patterns of published ROS 1 clients, written anew (``test/data/clients``): a gripper on outputs, a bridge from a
+topic to servo_j at 125 Hz, pick and place, the servo demo.
 """
 import contextlib
 import os

@@ -1,5 +1,4 @@
-"""The check of the launch files: parameters of trajectory execution, the controller manager, who publishes joints.
-"""
+"""The check of the launch files: parameters of trajectory execution, the controller manager, who publishes joints."""
 import re
 from typing import Iterator, List, Optional, Tuple
 

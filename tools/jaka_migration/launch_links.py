@@ -25,8 +25,8 @@ def check_links(package: Package, files: List[LaunchFile], expected: Expected, r
     listed = [file for file in FILES if package.has(file)]
     loaded = [_named(launch, element) for launch in files for element in launch.started() if element.tag == "rosparam"]
     if listed and not any((package.name, file) in loaded for file in listed):
-        report.add(ADVICE, "no launch file of the package loads it: it must be loaded into move_group's namespace, else "
-                   "MoveIt finds no controller", listed[0])
+        report.add(ADVICE, "no launch file of the package loads it: it must be loaded into move_group's namespace, "
+                   "else MoveIt finds no controller", listed[0])
     for launch in files:
         for element in launch.started():
             if element.tag == "include":
@@ -34,8 +34,8 @@ def check_links(package: Package, files: List[LaunchFile], expected: Expected, r
             _check_file(package, launch, element, report)
             _check_arm(launch, element, expected, report)
             if _starts_makers_driver(launch, element):
-                report.add(MUST_CHANGE, "starts the maker's driver or MoveIt server: this driver replaces both, and the "
-                           "controller serves one client; take it out (migrate_cell shows more)", launch.file,
+                report.add(MUST_CHANGE, "starts the maker's driver or MoveIt server: this driver replaces both, and "
+                           "the controller serves one client; take it out (migrate_cell shows more)", launch.file,
                            element.line)
 
 
@@ -57,8 +57,8 @@ def _check_file(package: Package, launch: LaunchFile, element: Element, report: 
     path = package.path(rest) if name == package.name else package.beside(name, rest)
     is_known = name == package.name or os.path.isdir(package.beside(name))
     if is_known and not os.path.lexists(path):
-        report.add(ADVICE if launch.is_demo or launch.is_for_gazebo else MUST_CHANGE, "names %s, which is not there: roslaunch ends with an error" % package.shown(path),
-                   launch.file, element.line)
+        report.add(ADVICE if launch.is_demo or launch.is_for_gazebo else MUST_CHANGE, "names %s, which is not there: "
+                   "roslaunch ends with an error" % package.shown(path), launch.file, element.line)
 
 
 def _check_include(package: Package, launch: LaunchFile, element: Element, by_name: Dict[str, LaunchFile],
@@ -96,8 +96,8 @@ def _check_arm(launch: LaunchFile, element: Element, expected: Expected, report:
         for _, rest in _FIND.findall(element.get(key)):
             others = [name for name in models_in(os.path.basename(rest)) if name in model_names()]
             if rest.endswith((".urdf", ".xacro")) and others and expected.model.name not in others:
-                report.add(ADVICE if launch.is_for_gazebo else MUST_CHANGE, "names the description of another arm, %s" % rest,
-                           launch.file, element.line)
+                report.add(ADVICE if launch.is_for_gazebo else MUST_CHANGE,
+                           "names the description of another arm, %s" % rest, launch.file, element.line)
 
 
 def _starts_makers_driver(launch: LaunchFile, element: Element) -> bool:

@@ -26,7 +26,7 @@ def read_output(index):
     request = GetIORequest()
     request.signal = "digital"
     request.type = 0
-    request.path = 0
+    request.path = 1
     request.index = index
     return client(request).value
 
