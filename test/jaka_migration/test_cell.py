@@ -154,7 +154,7 @@ PUBLISHED = {  # the shapes of clients that people have published, one line each
     "split.py": (b'client = rospy.ServiceProxy(\n    "/jaka_driver/servo_j", ServoMove)', "servo_j"),
     "parameter.py": (b"self.c = rospy.ServiceProxy(self.service, ServoMove)", "service is named elsewhere"),
     "whole.py": (b"c = rospy.ServiceProxy(name, jaka_msgs.srv.SetIO, persistent=True)", "service is named elsewhere"),
-    "typed.cpp": (b'c = nh.serviceClient<jaka_msgs::Move>("/jaka_driver/linear_move");', "linear_move: its orientation"),
+    "typed.cpp": (b'c = nh.serviceClient<jaka_msgs::Move>("/jaka_driver/linear_move");', "linear_move"),
     "member.cpp": (b"c_ = nh_.serviceClient<jaka_msgs::Move>(linear_move_service_);", "service is named elsewhere"),
     "default.cpp": (b'n.param<std::string>("s", s_, std::string("/jaka_driver/linear_move"));', "linear_move"),
     "header.cpp": (b'#include "jaka_driver/JAKAZuRobot.h"', "maker's SDK in a program"),

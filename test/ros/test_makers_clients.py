@@ -10,6 +10,7 @@ import sys
 
 import pytest
 import rospy
+from action_bench import Client, goal_of, point
 from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
 from std_msgs.msg import Float64MultiArray
@@ -89,6 +90,15 @@ def test_a_bridge_from_a_topic_moves_by_its_increments_and_leaves_servo_mode_whe
         assert refused == 0 and accepted > 20
         assert turned == pytest.approx([accepted * 0.0573, 0, 0, 0, 0, -accepted * 0.02865], abs=0.05)
         assert arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1, "servo mode is left"
+
+
+def test_a_goal_whose_second_point_comes_at_once_is_refused_with_joint_and_time(ros_node):
+    """A published client sends the present position, and the target 100 ns later; the maker's server sends it as it is."""
+    with arm_of("vendor") as arm:
+        client = Client()
+        state, result = client.end(client.send(goal_of([point(0.0, HOME), point(1e-7, [0.5, *HOME[1:]])])))
+        assert state == "REJECTED" and "joint" in result.error_string, (state, result)
+        assert joints(arm) == pytest.approx([0, 85.944, -85.944, 85.944, 85.944, 0], abs=0.01)
 
 
 def test_pick_and_place_arrives_at_each_pose(ros_node):
