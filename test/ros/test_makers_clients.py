@@ -93,7 +93,7 @@ def test_a_bridge_from_a_topic_moves_by_its_increments_and_leaves_servo_mode_whe
 
 
 def test_a_goal_whose_second_point_comes_at_once_is_refused_with_joint_and_time(ros_node):
-    """A published client sends the present position, and the target 100 ns later; the maker's server sends it as it is."""
+    # a published client sends the present position, and the target 100 ns later
     with arm_of("vendor") as arm:
         client = Client()
         state, result = client.end(client.send(goal_of([point(0.0, HOME), point(1e-7, [0.5, *HOME[1:]])])))

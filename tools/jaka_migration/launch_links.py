@@ -21,7 +21,7 @@ _MAKERS = re.compile(r"\$\(find\s+jaka_(?:driver|planner)\s*\)/launch/")
 
 def check_links(package: Package, files: List[LaunchFile], expected: Expected, report: ConfigReport) -> None:
     """Add what the launch files of a package name and cannot have, and what of another arm they name."""
-    by_name = {launch.file: launch for launch in files}
+    needed = {launch.file: (launch, _needed(launch)) for launch in files}
     listed = [file for file in FILES if package.has(file)]
     loaded = [_named(launch, element) for launch in files for element in launch.started() if element.tag == "rosparam"]
     if listed and not any((package.name, file) in loaded for file in listed):
@@ -30,7 +30,7 @@ def check_links(package: Package, files: List[LaunchFile], expected: Expected, r
     for launch in files:
         for element in launch.started():
             if element.tag == "include":
-                _check_include(package, launch, element, by_name, report)
+                _check_include(package, launch, element, needed, report)
             _check_file(package, launch, element, report)
             _check_arm(launch, element, expected, report)
             if _starts_makers_driver(launch, element):
@@ -61,22 +61,24 @@ def _check_file(package: Package, launch: LaunchFile, element: Element, report: 
                    "roslaunch ends with an error" % package.shown(path), launch.file, element.line)
 
 
-def _check_include(package: Package, launch: LaunchFile, element: Element, by_name: Dict[str, LaunchFile],
-                   report: ConfigReport) -> None:
+def _check_include(package: Package, launch: LaunchFile, element: Element,
+                   needed: Dict[str, Tuple[LaunchFile, List[str]]], report: ConfigReport) -> None:
+    """Add what an include gives, or does not give, to a file of the package; ``needed`` has these with their needs."""
     for child in element.children:
         if child.tag not in ("arg", "env"):
             report.add(ADVICE, "<%s> within <include>: roslaunch leaves it out; write <arg>" % child.tag, launch.file,
                        child.line)
     named = _named(launch, element)
-    inner = by_name.get(named[1]) if named is not None and named[0] == package.name else None
-    if inner is None or element.get("pass_all_args").lower() in ("true", "1"):
+    if (named is None or named[0] != package.name or named[1] not in needed
+            or element.get("pass_all_args").lower() in ("true", "1")):
         return
+    inner, needs = needed[named[1]]
     passed = [arg.get("name") for arg in element.all("arg")]
     unused = [name for name in passed if name not in inner.declared]
     if unused:
         report.add(MUST_CHANGE, "gives %s the argument %s, which it does not have: roslaunch ends with an error" % (
             inner.file, ", ".join(unused)), launch.file, element.line)
-    lacking = [name for name in _needed(inner) if name not in passed]
+    lacking = [name for name in needs if name not in passed]
     if lacking:
         report.add(MUST_CHANGE, "does not give %s the argument %s, which it needs: roslaunch ends with an error" % (
             inner.file, ", ".join(lacking)), launch.file, element.line)
