@@ -17,6 +17,7 @@ class PendingRequest(Generic[T]):
         waiter: An object that the caller gets back with the reply; None where nobody waits for it.
         is_slow: True where the replies to later requests may have to wait for this one's.
         sent_at: Monotonic time at which it was sent, s.
+        was_passed: The reply to a later request came first while this one was slow: it is lost, or others pass it.
     """
 
     name: str
@@ -25,6 +26,7 @@ class PendingRequest(Generic[T]):
     waiter: Optional[T]
     is_slow: bool
     sent_at: float
+    was_passed: bool = False
 
 
 class Exchange(Generic[T]):
@@ -55,11 +57,16 @@ class Exchange(Generic[T]):
                 del self._outstanding[place]
                 others = list(self._outstanding)
                 for passed in others[:place]:
-                    passed.is_slow = False  # replies come in order: this one's is lost, and nothing waits for it
+                    passed.was_passed = passed.was_passed or passed.is_slow
+                    passed.is_slow = False  # its reply is lost, or later ones pass it: nothing waits for it
                 for behind in others[place:] if request.is_slow else ():
                     behind.deadline = max(behind.deadline, now + behind.patience)
                 return request
         return None
+
+    def is_outstanding(self, name: str) -> bool:
+        """Return whether a request of this name is outstanding."""
+        return any(request.name == name for request in self._outstanding)
 
     @property
     def slow(self) -> Optional[PendingRequest[T]]:

@@ -388,6 +388,14 @@ KEPT: Dict[str, Scenario] = {
                                 "turns": False, "chance": 912, "caller": 2}),
         (1.48, "stop", {"caller": 9}), settings=dict(_SETTINGS, reply_timeout=0.4),
         dialect={"servo_leave_delay": 0.1, "shortest_feed_period": 0.1}),
+    "a reply that was lost counted as one that lets others pass": _scenario(
+        (0.5, "maintenance", {"every": 0.7, "recovers": True}), (18.1908, "emergency_stop", {"held": 1.5873}),
+        (24.7392, "stop", {"caller": 9}), (24.9116, "emergency_stop", {"held": 0.2725}),
+        (24.981, "lose_replies", {"count": 1, "command": ""}), (32.1752, "servo_mode", {"active": False, "caller": 2}),
+        length=40.0, settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.4, motion_timeout=4.0, jog_timeout=3.0,
+                                   link_loss_stop=0.3, power_timeout=3.0, enable_timeout=30.0),
+        dialect={"power_delay": 0.0, "enable_delay": 15.0}, firmware="1.5.14", start="enabled",
+        latency=(0.0001, 0.001), lateness=0.0, has_guard=False, ends="close in trouble", seed=2000045),
 }
 AWAITED: Dict[str, Scenario] = {
     "pause on a slow link": _scenario(

@@ -48,7 +48,7 @@ class Arrival(NamedTuple):
 class _Message(NamedTuple):
     at: float
     data: Optional[bytes]  # None: the end of the stream
-    marks: Tuple[Any, ...]
+    marks: Tuple[Tuple[int, Any], ...]  # each with the number of bytes that end what it marks
 
 
 class Pipe:
@@ -86,7 +86,7 @@ class Pipe:
         if self._queue and at < self._queue[-1].at:
             at = self._queue[-1].at
         self.unsent_bytes += len(data or b"")
-        self._queue.append(_Message(at, data, () if mark is None else (mark,)))
+        self._queue.append(_Message(at, data, () if mark is None else ((len(data or b""), mark),)))
         self._wait()
 
     def wake(self) -> None:
@@ -118,27 +118,30 @@ class Pipe:
             data, marks = self._all_due(now)
         if data is not None and now < self._terms.splits_until and len(data) > 1:
             here = self._chance.randrange(1, len(data))
-            queue.appendleft(_Message(now + self._chance.uniform(*_PIECE_GAPS), data[here:], marks))
-            data, marks = data[:here], ()
+            queue.appendleft(_Message(now + self._chance.uniform(*_PIECE_GAPS), data[here:], tuple(
+                [(end - here, mark) for end, mark in marks if end > here])))
+            data, marks = data[:here], tuple([(end, mark) for end, mark in marks if end <= here])
         self._wait()
         if data is not None:
             self.unsent_bytes -= len(data)
-            self._deliver(Arrival(data, marks))
+            self._deliver(Arrival(data, tuple([mark for _, mark in marks])))
         else:
             self.is_dead = True
             self._ended()
 
-    def _all_due(self, now: float) -> Tuple[Optional[bytes], Tuple[Any, ...]]:
+    def _all_due(self, now: float) -> Tuple[Optional[bytes], Tuple[Tuple[int, Any], ...]]:
         """Return all bytes that are due, in one piece; the end of the stream comes alone."""
         pieces: List[bytes] = []
-        marks: List[Any] = []
+        marks: List[Tuple[int, Any]] = []
+        length = 0
         queue = self._queue
         while queue and queue[0].at <= now and not (pieces and queue[0].data is None):
             message = queue.popleft()
             if message.data is None:
                 return None, ()
             pieces.append(message.data)
-            marks += message.marks
+            marks += [(length + end, mark) for end, mark in message.marks]
+            length += len(message.data)
         return b"".join(pieces), tuple(marks)
 
 

@@ -13,6 +13,7 @@ PARAMETERS_NAME = "rosparam.yaml"
 _TRAJECTORY = "trajectory_msgs/JointTrajectory"
 _TRAJECTORY_GOAL = "control_msgs/FollowJointTrajectoryActionGoal"
 _GOALS = {"follow_joint_trajectory": _TRAJECTORY_GOAL, "joint_trajectory_action": _TRAJECTORY_GOAL,
+          "gripper_cmd": "control_msgs/GripperCommandActionGoal",
           "move_path": "jaka_msgs/MovePathActionGoal", "recover": "jaka_msgs/RecoverActionGoal"}
 INPUT_TOPICS = {
     "jog_joints": "sensor_msgs/JointState", "jog_twist": "geometry_msgs/TwistStamped",

@@ -187,12 +187,13 @@ class CommandChannel:
                 self.damaged_replies += 1
                 self._actions.log(logging.DEBUG, "damaged reply: %s" % item)
                 continue
-            slow = self._exchange.slow
             request = self._exchange.answered(item, now)
             if request is not None:
                 self._stray_bytes = self._strays = 0
                 self.was_answered = True
-            self._lets_pass = self._lets_pass or (slow is not None and slow is not request and not slow.is_slow)
+                # A reply that others passed, and that came all the same, was not lost: this controller lets others pass.
+                if request.was_passed and not self._exchange.is_outstanding(request.name):
+                    self._lets_pass = True
             if request is None or request.waiter is None:
                 continue
             pending = request.waiter
@@ -212,8 +213,8 @@ class CommandChannel:
     def held_up_until(self) -> Optional[float]:
         """The moment at which it is known whether later replies wait for a slow one, s; None where none do.
 
-        A later reply that came first, the heartbeat's at the latest, shows that none do on this connection. Where none
-        has come by then, they do.
+        A later reply that came first, the heartbeat's at the latest, shows that none wait for this one; where the slow
+        one comes after it, none do on this connection. Where no later one has come by then, they do.
         """
         slow = self._exchange.slow
         return None if slow is None or self._lets_pass else slow.sent_at + self._settings.reply_timeout

@@ -4,8 +4,7 @@ Evidence is the simulated arm's true state, the controller's executed commands w
 wire; never the core's own account, except for its answers, which are themselves judged. Each exception stands here with
 its reason.
 """
-from collections import deque
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from controller_room import DRIVER, ORPHAN, STREAMED, ControllerRoom, Reply, is_motion
 from driver_process import Call, DriverProcess
@@ -13,8 +12,8 @@ from guard_process import GuardProcess
 from motion_rules import MotionRules
 from path_rules import passes, told_truly
 from sent_rules import SentRules, is_whole_stop, requests_in
+from shown_rules import ShownRules
 from slacks import (
-    AGE_SLACK,
     ANSWER_SLACK,
     AT_REST,
     GUARD_ACTS,
@@ -30,8 +29,6 @@ from slacks import (
     PAUSE_SLACK,
     RECOVERY_SLACK,
     REST_AFTER_STOP,
-    SHOWN_AGE,
-    SHOWN_PERIODS,
     SIGHT_SLACK,
     STOP_AGAIN,
     STOP_ANSWER_SLACK,
@@ -55,9 +52,7 @@ from jaka_ros_driver.simulation.dialect.table import REFUSED
 from jaka_ros_driver.state import RobotState, Vector
 
 _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
-_SAME_JOINT = 1e-6
 _CYCLE = 0.008
-_HISTORY_S = 8.0
 _NEVER = float("inf")
 
 
@@ -94,13 +89,11 @@ class Judge:
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
-        self._wire_age = high + _CYCLE + lateness
-        self._shown_age = SHOWN_AGE + self._wire_age
         # The time to find out that a connection is dead (a heartbeat and its time-out, or a try that nobody answers),
         # the longest pause before the next try, and a round trip.
         self._relink = (0.25 + settings.reply_timeout + settings.connect_timeout + 0.5 + 4.0 * high + LOOK_PERIOD
                         + 2.0 * lateness)
-        self._joints: Deque[Tuple[float, Vector]] = deque()
+        self._seen = ShownRules(network, room, settings, lateness, self.verdicts)
         self._next_look = clock.now
         self._joints_before: Optional[Vector] = None
         self._begin_anew()
@@ -121,7 +114,7 @@ class Judge:
         self._seen_at = self._true_at = now
         self._jog_word_at = -1e9
         self._stop_wanted_at = _NEVER
-        self._mute_until = now
+        self._seen.begin_anew(now)
         self._quiet: List[_Quiet] = []
         self._stops_before = 0
         self._stop_is_owed = False
@@ -173,6 +166,7 @@ class Judge:
             if reply.command == "get_simulator_identity" and self._settings.simulator:
                 self.sent.is_confirmed = self._settings.simulator.encode() in reply.text
             self.motion.reads_reply(reply, now)
+            self._seen.reads_reply(reply, now)
 
     def resumed(self, now: float) -> None:
         """Note that the process runs again."""
@@ -189,7 +183,7 @@ class Judge:
 
     def _mute(self, now: float) -> None:
         """Note that the controller's answers, which would show how old a slow feed is, do not come through."""
-        self._mute_until = now + self._relink + self._settings.silence_timeout
+        self._seen.begin_anew(now + self._relink + self._settings.silence_timeout)
 
     def link_up(self, port: Port, now: float) -> None:
         """Ignore a new connection."""
@@ -252,6 +246,7 @@ class Judge:
         for request in self.sent.sends(data, self.driver.is_moving_told, now):
             name = request["cmdName"]
             self.motion.sends(request, now)
+            self._seen.sends(name, now)
             if name == "stop_program":
                 self._owes_stop = False
                 self._stop_wanted_at = min(self._stop_wanted_at, now)
@@ -300,44 +295,7 @@ class Judge:
         self.motion.shown(state, now)
         if now < self._old_until:
             return  # no driver can know it; other rules judge what it does because of it
-        age = max(self._shown_age, SHOWN_PERIODS * self._room.controller.state.feed_period + self._wire_age)
-        oldest = now - age
-        until = now
-        for since, joints in reversed(self._joints):
-            if until < oldest:
-                break
-            if max([abs(a - b) for a, b in zip(joints, state.joint_position)]) <= _SAME_JOINT:
-                self.verdicts.uses("SHOWN_AGE", now - until - self._wire_age)
-                return
-            until = since
-        if self._network.is_slow(Port.STATUS, False) and (
-                now < self._mute_until or not self._is_older(state.joint_position, now)):
-            return  # without the controller's answers, nothing shows how old a slow feed is
-        check = "age" if self._network.is_slow(Port.STATUS, False) else "g"
-        self.verdicts.breaks(check, check, now, "a state is shown as new that the arm was not in within the last %.3f "
-                             "s; %s" % (age, self._age_of(state.joint_position, now)))
-
-    def _is_older(self, joints: Vector, now: float) -> bool:
-        """Return whether joints are older than a link slower than the feed allows.
-
-        Motion too small to differ from rest does not count.
-        """
-        until, oldest = now, now - self._settings.silence_timeout - AGE_SLACK - self._wire_age
-        for since, known in reversed(self._joints):
-            if until < oldest:
-                break
-            if max([abs(a - b) for a, b in zip(known, joints)]) <= UNTELLING:
-                return False
-            until = since
-        return True
-
-    def _age_of(self, joints: Vector, now: float) -> str:
-        until = now
-        for since, known in reversed(self._joints):
-            if max([abs(a - b) for a, b in zip(known, joints)]) <= _SAME_JOINT:
-                return "it is %.3f s old" % (now - until)
-            until = since
-        return "it is older than anything known, or was never true"
+        self._seen.shown(state, now)
 
     def closes(self, now: float) -> None:
         """Note that the driver shuts down from now on."""
@@ -353,9 +311,7 @@ class Judge:
         joints = plant.joint_position
         if self._joints_before is not joints:
             self._joints_before = joints
-            self._joints.append((now, joints))
-            while len(self._joints) > 2 and self._joints[1][0] < now - _HISTORY_S:
-                self._joints.popleft()
+            self._seen.was_at(joints, now)
         if now >= self._next_look:
             self._next_look = now + LOOK_PERIOD
             self._look_for_obstacles(now)

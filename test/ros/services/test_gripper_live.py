@@ -5,6 +5,7 @@ import subprocess
 import time
 
 import pytest
+import rosgraph
 import rospy
 from action_bench import Client
 from audit_reading import those_of
@@ -14,6 +15,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import WAIT, InBackground, eventually
 
+from jaka_bag.driver_interface import INPUT_TOPICS
 from jaka_ros_driver.ros.other_messages import made_type, message_type
 
 NAME = "gripping"
@@ -98,6 +100,14 @@ def begin(client, gripper, position, valves):
     handle = client.send(goal_to(position))
     assert eventually(lambda: gripper.valves() == valves)
     return handle
+
+
+def test_the_list_of_inputs_has_the_goals_of_a_gripper(arm):
+    _, subscribers, _ = rosgraph.Master("/tests").getSystemState()
+    taken = {topic for topic, nodes in subscribers if "/" + NAME in nodes}
+    assert ACTION + "/goal" in taken
+    assert {topic for topic in taken if not topic.endswith(tuple("/" + name for name in INPUT_TOPICS))} == set()
+    assert INPUT_TOPICS["gripper_cmd/goal"] == "control_msgs/GripperCommandActionGoal"
 
 
 def test_a_plan_of_moveit_opens_and_closes_it_and_the_joint_follows_the_inputs(arm, gripper):

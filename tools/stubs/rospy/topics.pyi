@@ -3,8 +3,6 @@ from typing import Any, Callable, Generic, TypeVar, overload
 
 import genpy
 
-from .impl.tcpros_base import TCPROSTransport
-
 _M = TypeVar("_M", bound=genpy.Message)
 _A = TypeVar("_A")
 
