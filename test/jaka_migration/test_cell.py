@@ -146,6 +146,51 @@ def test_each_subject_is_reported_with_its_lines_and_nothing_is_changed(tmp_path
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+PUBLISHED = {  # the shapes of clients that people have published, one line each
+    "sum.py": (b'self.c = rospy.ServiceProxy(ns + "/linear_move", Move)', "linear_move: its orientation"),
+    "fstring.py": (b"self.c = rospy.ServiceProxy(f'{ns}/servo_p', ServoMove)", "servo_p"),
+    "relative.py": (b"rospy.wait_for_service('jaka_driver/set_io')", "set_io, get_io: the index"),
+    "left.py": (b'rospy.ServiceProxy("/left_jaka_driver/jog", jaka_msgs.srv.Move)', "jog: its speed"),
+    "split.py": (b'client = rospy.ServiceProxy(\n    "/jaka_driver/servo_j", ServoMove)', "servo_j"),
+    "parameter.py": (b"self.c = rospy.ServiceProxy(self.service, ServoMove)", "service is named elsewhere"),
+    "whole.py": (b"c = rospy.ServiceProxy(name, jaka_msgs.srv.SetIO, persistent=True)", "service is named elsewhere"),
+    "typed.cpp": (b'c = nh.serviceClient<jaka_msgs::Move>("/jaka_driver/linear_move");', "linear_move"),
+    "member.cpp": (b"c_ = nh_.serviceClient<jaka_msgs::Move>(linear_move_service_);", "service is named elsewhere"),
+    "default.cpp": (b'n.param<std::string>("s", s_, std::string("/jaka_driver/linear_move"));', "linear_move"),
+    "header.cpp": (b'#include "jaka_driver/JAKAZuRobot.h"', "maker's SDK in a program"),
+    "login.cpp": (b'robot.login_in("10.5.5.100");', "maker's SDK in a program"),
+    "module.py": (b"import jkrc", "maker's SDK in a program"),
+    "cfg.yaml": (b"linear_move_service: /jaka_driver/linear_move", "linear_move: its orientation"),
+    "call.sh": (b'rosservice call /jaka_driver/servo_p "{pose: [1, 0, 0, 0, 0, 0]}"', "servo_p"),
+    "value.launch": (b'<launch><param name="s" value="/jaka_driver/servo_p"/></launch>', "servo_p"),
+    "default.launch": (b'<launch><arg name="s" default="jaka_driver/set_io"/></launch>', "set_io, get_io: the index"),
+    "remap.launch": (b'<launch><node pkg="a" type="b" name="c"><remap from="x" to="/jaka_driver/jog"/></node></launch>',
+                     "jog: its speed"),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_each_spelling_of_published_clients_is_found(name, tmp_path, capsys):
+    line, title = PUBLISHED[name]
+    before = b"# from jaka_msgs.srv import *\n" if name.endswith(".py") else b""
+    (tmp_path / name).write_bytes(before + line + b"\n")
+    assert main([str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert title in said and re.search(r"^    %s:\d: " % re.escape(name), said, re.MULTILINE), said
+
+
+@pytest.mark.parametrize("name, line", [
+    ("a.py", b"rospy.ServiceProxy(self.service, Trigger)  # jaka_msgs"),
+    ("b.py", b'rospy.ServiceProxy("/jaka_driver/joint_move", Move)'),
+    ("c.cpp", b'n.serviceClient<jaka_msgs::Move>("/jaka_driver/joint_move");'),
+    ("d.launch", b'<launch><param name="s" value="/other/servo_p"/></launch>'),
+    ("e.cpp", b"// robot.login_in(ip);")])
+def test_what_means_the_same_here_is_not_reported(name, line, tmp_path, capsys):
+    (tmp_path / name).write_bytes(line + b"\n")
+    assert main([str(tmp_path)]) == 0
+    assert "there: " not in capsys.readouterr().out
+
+
 def test_the_makers_own_packages_and_what_a_build_makes_are_passed_over(tmp_path, capsys):
     for folder in ("src/jaka_driver", "build/x", "src/cell", ".git"):
         (tmp_path / folder).mkdir(parents=True)

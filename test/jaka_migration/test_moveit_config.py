@@ -78,8 +78,8 @@ def test_another_model_than_the_urdfs_is_found_with_the_nearest(tmp_path):
 
 
 @pytest.mark.parametrize("joint, origin, told", [
-    (1, (0.00941, 0, 0.12015), r"same arm with the base frame moved by 9\.4, -?0\.0, -?0\.0 mm: correct"),
-    (6, (0, 0.1370, 0), r"same arm with the flange frame moved by -?0\.0, -?0\.0, 30\.0 mm: correct"),
+    (1, (0.00941, 0, 0.12015), r"same arm with the frame of Link_0 moved by 9\.4, 0\.0, 0\.0 mm: correct"),
+    (6, (0, 0.1370, 0), r"same arm with the frame of Link_6 moved by 0\.0, 0\.0, 30\.0 mm: correct"),
     (6, (0, 0.1175, 0), r"by 10\.5\d mm.*; nearest is model s7")])
 def test_a_frame_that_is_only_moved_is_told_from_another_arm(tmp_path, joint, origin, told):
     origins = list(ARMS["zu7"].origins)
@@ -87,6 +87,25 @@ def test_a_frame_that_is_only_moved_is_told_from_another_arm(tmp_path, joint, or
     package = makers(tmp_path, "zu7")
     write(tmp_path, {"jaka_description/urdf/jaka_zu7.urdf": urdf_of(ARMS["zu7"]._replace(origins=origins))})
     assert found(check(str(package)), MUST_CHANGE, told)
+
+
+def test_a_flange_frame_that_is_only_turned_is_told_in_degrees(tmp_path):
+    # as the maker's URDF of the s7 has it: half a turn about the flange's axis
+    package = makers(tmp_path, "zu7")
+    urdf = tmp_path / "jaka_description" / "urdf" / "jaka_zu7.urdf"
+    urdf.write_text(urdf.read_text().replace('rpy="-1.5708 0 0"', 'rpy="-1.5708 3.14159 0"'))
+    line, = found(check(str(package)), MUST_CHANGE, "the chain from Link_0 to Link_6")
+    assert "by 0.03 mm and 180.00 deg" in line
+    assert re.search(r"the same arm with the frame of Link_6 turned by 0\.0, 0\.0, -?180\.0 deg about x, y, z: ", line)
+
+
+def test_a_base_frame_that_is_moved_by_little_is_told_in_mm(tmp_path):
+    # as the maker's URDF of the zu20 has it
+    package = makers(tmp_path, "zu7")
+    origins = [(0.0044, -0.0003, 0.12015), *ARMS["zu7"].origins[1:]]
+    write(tmp_path, {"jaka_description/urdf/jaka_zu7.urdf": urdf_of(ARMS["zu7"]._replace(origins=origins))})
+    line, = found(check(str(package)), ADVICE, "the chain from")
+    assert re.search(r"the same arm with the frame of \w+ moved by 4\.4, -0\.3, 0\.0 mm: compare a pose", line)
 
 
 def test_without_a_name_the_model_is_the_one_of_the_urdf(tmp_path, capsys):
@@ -155,6 +174,37 @@ FAULTS = [
 ]
 
 
+# what launch files name; roslaunch of ROS Noetic refuses, or leaves out, each of these
+FIND = "$(find press_moveit_config)/"
+FAULTS += [
+    (X, "</launch>", '<rosparam file="%sconfig/gone.yaml"/></launch>' % FIND, MUST_CHANGE,
+     "^%s:5: names config/gone.yaml, which is not there" % X),
+    (X, "</launch>", '<arg name="db" default="false"/><include if="$(arg db)" file="%slaunch/gone.launch"/></launch>'
+     % FIND, FITS, "monitoring is off"),
+    (X, "</launch>", '<arg name="a" default="x"/><include file="%slaunch/$(arg a).launch"/></launch>' % FIND,
+     MUST_CHANGE, "names launch/x.launch, which is not there"),
+    (X, "</launch>", '<include file="%slaunch/press.launch"><arg name="speed" value="1"/></include></launch>' % FIND,
+     MUST_CHANGE, "gives launch/press.launch the argument speed, which it does not have"),
+    (X, "</launch>", '<arg name="t"/><param name="t" value="$(arg t)"/><include file="%slaunch/press.launch"/></launch>'
+     % FIND, MUST_CHANGE, "does not give launch/press.launch the argument t, which it needs"),
+    (X, "</launch>", '<arg name="t"/><include file="%slaunch/press.launch" pass_all_args="true"/></launch>' % FIND,
+     FITS, "monitoring is off"),
+    (X, "</launch>", '<include file="$(find a)/b"><param name="c" value="1"/></include></launch>', ADVICE,
+     "^%s:5: <param> within <include>: roslaunch leaves it out" % X),
+    (X, "</launch>", '<param name="d" textfile="$(find jaka_description)/urdf/jaka_zu5.urdf"/></launch>', MUST_CHANGE,
+     "names the description of another arm, urdf/jaka_zu5.urdf"),
+    (X, "</launch>", '<include file="$(find jaka_driver)/launch/robot_start_launch.launch"/></launch>', MUST_CHANGE,
+     "^%s:5: starts the maker's driver" % X),
+    (X, "</launch>", '<include file="$(find jaka_planner)/launch/moveit_server.launch"/></launch>', MUST_CHANGE,
+     "^%s:5: starts the maker's driver or MoveIt server" % X),
+    (X, "</launch>", '<arg name="g" default="false"/><node pkg="joint_state_publisher_gui" if="$(arg g)"/></launch>',
+     ADVICE, "starts joint_state_publisher .if .* by default not"),
+    (C, "controller_list:", "jaka_zu7_controller:\n  constraints: {goal_time: 0.6}\ncontroller_list:", ADVICE,
+     "^%s:5: constraints of jaka_zu7_controller" % C),
+    (C, "controller_list:", "controller_list:", ADVICE, "^%s: no launch file of the package loads it" % C),
+]
+
+
 @pytest.mark.parametrize("file, old, new, section, told", FAULTS, ids=[str(n) for n in range(len(FAULTS))])
 def test_a_fault_is_told_with_its_line(tmp_path, file, old, new, section, told):
     package = fitting(tmp_path)
@@ -165,6 +215,17 @@ def test_a_fault_is_told_with_its_line(tmp_path, file, old, new, section, told):
     report = check(str(package))
     assert found(report, section, told), report.as_text()
     assert (report.exit_code == 1) is (bool(lines(report, MUST_CHANGE)))
+
+
+def test_the_simulation_of_another_arm_is_advice_and_a_file_that_a_demo_lacks_too(tmp_path):
+    package = fitting(tmp_path)
+    write(package, {"launch/gazebo.launch": '<launch><arg name="urdf" default="$(find jaka_description)/urdf/'
+                    'jaka_zu5.urdf"/></launch>',
+                    "launch/demo.launch": '<launch><include file="%slaunch/moveit_rviz.launch"/></launch>' % FIND})
+    report = check(str(package))
+    assert found(report, ADVICE, "^launch/gazebo.launch:1: names the description of another arm, urdf/jaka_zu5.urdf")
+    assert found(report, ADVICE, "^launch/demo.launch:1: names launch/moveit_rviz.launch")
+    assert lines(report, MUST_CHANGE) == []
 
 
 def test_a_prefix_that_the_driver_has_too_fits(tmp_path):

@@ -15,4 +15,6 @@ controllers     the files that name MoveIt's controllers
 joint_limits    limits of joint_limits.yaml and of the URDF
 semantics       the SRDF
 launch_files    trajectory execution, controller managers, nodes
+launch_reading  launch files as they stand, with the values of their arguments
+launch_links    files, arguments, descriptions and drivers that launch files name
 """

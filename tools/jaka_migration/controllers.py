@@ -46,7 +46,7 @@ def check_controllers(package: Package, expected: Expected, report: ConfigReport
             listed += 1  # it may have the list, so that none is missed elsewhere
             continue
         listed += _check_list(root, file, expected, report)
-        _point_out_ros_control(root, file, report)
+        _point_out_ros_control(root, file, expected, report)
     listed += _check_moveit_2(package, expected, report)
     if package.has(FAKE_FILE):
         report.add(ADVICE, "is for fake execution only: nothing of it reaches the arm", FAKE_FILE)
@@ -163,11 +163,17 @@ def _check_joints(one: ListedController, file: str, expected: Expected, report: 
         one.name, "; ".join(parts), ", ".join(wanted)), file, line)
 
 
-def _point_out_ros_control(root: Optional[YamlNode], file: str, report: ConfigReport) -> None:
+def _point_out_ros_control(root: Optional[YamlNode], file: str, expected: Expected, report: ConfigReport) -> None:
     keys = [(name, line) for name, line in (root.keys() if root is not None else []) if name in _ROS_CONTROL]
     if keys:
         report.add(ADVICE, "%s: for ros_control, which the driver does not use; they may stay or go" % ", ".join(
             name for name, _ in keys), file, keys[0][1])
+    own = root.get(expected.controller.strip("/")) if root is not None else None
+    constraints = own.get("constraints") if own is not None else None
+    if constraints is not None:
+        report.add(ADVICE, "constraints of %s: loaded into move_group's namespace they do nothing; loaded into the "
+                   "driver's, they are the tolerances of goals that name none (docs/trajectories.md)" % (
+                       expected.controller), file, constraints.line)
 
 
 def check_unread_forms(package: Package, report: ConfigReport) -> None:

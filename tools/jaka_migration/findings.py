@@ -29,6 +29,13 @@ SUBJECTS: Dict[str, Subject] = {
     "other_file": Subject(
         "another file of the package jaka_driver", "a file of the maker's.",
         "It is not in this package: keep the maker's package for it, or copy the file."),
+    "sdk": Subject(
+        "the maker's SDK in a program", "headers and library of the package jaka_driver, or its Python module jkrc.",
+        "They are not in this package. Where nothing logs in, leave the include and the library out. Where something "
+        "does (login, login_in), it takes the controller from the driver, which serves one client: use the services."),
+    "unnamed": Subject(
+        "a client whose service is named elsewhere", "the type is one of the services below; the name is a parameter.",
+        "Look up its value in launch file, YAML or default, and read there what of that service differs."),
     "depends": Subject(
         "dependency on jaka_driver", "the package needs the maker's to be built or run.",
         "Name jaka_ros_driver instead, as exec_depend."),
@@ -72,11 +79,16 @@ SUBJECTS: Dict[str, Subject] = {
 }
 _SPEAKS_OF_IT = re.compile(rb"jaka_driver|jaka_msgs")
 _NAME = rb"[\"'/]%s\b"
+_DIFFERING_TYPES = rb"(?:Move|ServoMove|SetIO|GetIO|SetTcpFrame|SetUserFrame)"
+_SDK = re.compile(rb"\bJAKAZuRobot\b|\blibjakaAPI\b|\bjakaAPI\b|\bjaka_driver/(?:jkerr|jktypes|conversion)\.h|"
+                  rb"\bimport\s+jkrc\b|\bjkrc\.RC\b|\blogin_in\s*\(")
 _PATTERNS = (
     ("start", rb"\b(?:roslaunch|rosrun)\s+(?:-\S+\s+)*jaka_driver\b|['\"]jaka_driver['\"]\s*,\s*['\"](?:jaka_driver|"
               rb"robot_start_launch\.launch)['\"]"),
     ("depends", rb"<\w*depend\b[^>]*>\s*jaka_driver\s*<|^\s*jaka_driver\s*$|COMPONENTS\b[^)]*\bjaka_driver\b"),
     ("moveit_server", rb"\bmoveit_server(?:\.launch)?\b"),
+    ("unnamed", rb"\bServiceProxy\(\s*[\w.\[\]]+\s*,\s*(?:[\w.]+\.)?" + _DIFFERING_TYPES + rb"\s*[,)]|"
+                rb"\bserviceClient\s*<\s*jaka_msgs::" + _DIFFERING_TYPES + rb"\s*>\s*\(\s*[A-Za-z_]"),
     ("servo_p", _NAME % rb"servo_p"), ("servo_j", _NAME % rb"servo_j"),
     ("linear_move", _NAME % rb"linear_move"), ("frames", _NAME % rb"set_(?:tool|user)frame"),
     ("tool_position", _NAME % rb"tool_position"),
@@ -85,6 +97,8 @@ _PATTERNS = (
 )
 _IN_PROGRAMS: Tuple[Tuple[str, "re.Pattern[bytes]"], ...] = tuple(
     (subject, re.compile(pattern)) for subject, pattern in _PATTERNS)
+_SERVICES = tuple((subject, pattern) for subject, pattern in _IN_PROGRAMS if subject in (
+    "servo_p", "servo_j", "linear_move", "frames", "tool_position", "clear_err", "drag", "jog", "io"))
 _GLOBAL_IP = re.compile(rb"(?:\b[gs]et_?[pP]aram(?:Cached)?\s*\(|\bparam(?:<[^<>]*>)?\s*\(|\brosparam\s+[gs]et)"
                         rb"\s*[\"']?/?ip\b")
 _COMMENTS = {".py": (b"#",), ".sh": (b"#",), ".yaml": (b"#",), ".cpp": (b"//", b"*", b"/*")}
@@ -105,8 +119,15 @@ def in_program(data: bytes, kind: str) -> Iterator[CellFinding]:
             for subject, pattern in _IN_PROGRAMS:
                 if pattern.search(line):
                     yield CellFinding(subject, number, line)
+        if _SDK.search(line):
+            yield CellFinding("sdk", number, line)
         if _GLOBAL_IP.search(line):
             yield CellFinding("ip", number, line)
+
+
+def services_in(text: bytes) -> List[str]:
+    """Return the subjects of the driver's services and topics that a value in a launch file names."""
+    return [subject for subject, pattern in _SERVICES if pattern.search(b"/" + text)] if b"jaka_driver/" in text else []
 
 
 def interfaces_seen(data: bytes, findings: List[CellFinding]) -> List[str]:

@@ -3,7 +3,7 @@ import re
 from dataclasses import dataclass, field
 from typing import List, Optional
 
-from jaka_migration.findings import CellFinding
+from jaka_migration.findings import CellFinding, services_in
 from jaka_migration.launch_file import Edit, LaunchElement, elements, insertion, with_edits
 
 _FIND = re.compile(r"find\s*\(?\s*['\"]?jaka_driver\b")
@@ -91,6 +91,8 @@ def _look(data: bytes, one: LaunchElement, result: ExaminedLaunchFile) -> None:
     for attribute in one.attributes.values():
         if _FIND.search(attribute.value) and not _is_hidden_start(one):
             found("start" if kind == "include" else "other_file")
+        for subject in services_in(attribute.value.encode()):
+            found(subject)
     if one.tag == "node" and one.get("pkg") == "jaka_planner" or "moveit_server.launch" in one.get("file"):
         found("moveit_server")
     if _is_global_ip(one) or (one.tag == "rosparam" and (

@@ -1,13 +1,11 @@
-"""The check of the launch files: parameters of trajectory execution, the controller manager, who publishes joints.
-
-Files are read as they stand. An ``$(arg NAME)`` is replaced by the value or default that the same file gives it; what
-is not known then is reported as not read.
-"""
+"""The check of the launch files: parameters of trajectory execution, the controller manager, who publishes joints."""
 import re
-from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Iterator, List, Optional, Tuple
 
-from jaka_migration.bounded_files import Element, Unreadable, number_of, read_xml
+from jaka_migration.bounded_files import Element, number_of
 from jaka_migration.expectations import Expected, models_in
+from jaka_migration.launch_links import check_links
+from jaka_migration.launch_reading import LaunchFile, read_launch_files
 from jaka_migration.package import Package
 from jaka_migration.report import ADVICE, FITS, MUST_CHANGE, NOT_READ, ConfigReport
 
@@ -17,43 +15,14 @@ SIMPLE_MANAGER = "moveit_simple_controller_manager/MoveItSimpleControllerManager
 _ENOUGH_SCALING = 2.0
 """Scaling of the time that a plan may take, below which a speed override of a half already has it cancelled."""
 _ENOUGH_MARGIN_S = 2.0
-_LONGEST_VALUE = 1000
-_ARG = re.compile(r"\$\(arg\s+([^\s()]+)\s*\)")
 _MOVEIT_SERVER = "../jaka_planner/launch/moveit_server.launch"
 _PREFIX = "trajectory_execution/"
-_DEMO = re.compile(r"/demo\w*\.launch$")
-_MANAGER_FILE = re.compile(r"/(\w+?)_(?:moveit_)?controller_manager\.launch(?:\.xml)?$")
-
-
-class LaunchFile(NamedTuple):
-    """A launch file.
-
-    Attributes:
-        file: Its name, relative to the package.
-        root: Its root element.
-        arguments: Values that it gives to its own arguments, or their defaults.
-    """
-
-    file: str
-    root: Element
-    arguments: Dict[str, str]
-
-    def resolved(self, text: str) -> str:
-        """Return a text with the arguments that are known put in."""
-        for _ in range(5):  # a default may name another argument
-            text = _ARG.sub(lambda found: self.arguments.get(found.group(1), found.group(0)), text[:_LONGEST_VALUE])
-        return text.strip()
-
-    def is_off(self, element: Element) -> bool:
-        """Return whether an element is left out by its own ``if`` or ``unless``, as far as that is known."""
-        words = [self.resolved(element.get(key)).lower() if key in element.attributes else "" for key in (
-            "if", "unless")]
-        return words[0] in ("false", "0") or words[1] in ("true", "1")
+_MANAGER_FILE = re.compile(r"/([^/]+?)_(?:moveit_)?controller_manager\.launch(?:\.xml)?$")
 
 
 def check_launch_files(package: Package, expected: Expected, report: ConfigReport) -> None:
     """Add what the launch files of the package, and the maker's ``moveit_server.launch`` beside it, say."""
-    files = _read(package, package.files("launch", ".launch", ".launch.xml"), report)
+    files = read_launch_files(package, package.files("launch", ".launch", ".launch.xml"), report)
     if not files:
         report.add(NOT_READ, "no launch file that can be read: how MoveIt is started is not known", "launch")
         return
@@ -61,29 +30,11 @@ def check_launch_files(package: Package, expected: Expected, report: ConfigRepor
     _check_managers(files, report)
     for launch in files:
         _check_nodes(launch, report)
+    check_links(package, files, expected, report)
     if package.has(_MOVEIT_SERVER):
-        files += _read(package, [_MOVEIT_SERVER], report)
+        files += read_launch_files(package, [_MOVEIT_SERVER], report)
     for launch in files:
         _check_server(launch, expected, report)
-
-
-def _read(package: Package, names: List[str], report: ConfigReport) -> List[LaunchFile]:
-    found = []
-    for file in names:
-        try:
-            root = read_xml(package.path(file))
-            if root.tag != "launch":
-                raise Unreadable("is no launch file: its root element is %s" % root.tag, root.line)
-        except Unreadable as error:
-            report.broken(str(error), file, error.line)
-            continue
-        arguments: Dict[str, str] = {}
-        for arg in root.all("arg"):
-            if "value" in arg.attributes or "default" in arg.attributes:
-                value = arg.attributes.get("value", arg.get("default"))
-                arguments.setdefault(arg.get("name"), value[:_LONGEST_VALUE])
-        found.append(LaunchFile(file, root, arguments))
-    return found
 
 
 def _parameters(files: List[LaunchFile], name: str) -> Iterator[Tuple[LaunchFile, Element, str]]:
@@ -185,7 +136,7 @@ def _chosen(files: List[LaunchFile]) -> List[str]:
     """
     names = []
     for launch in files:
-        if _DEMO.search(launch.file):
+        if launch.is_demo:
             continue
         for element in launch.root.walk():
             if (element.tag == "arg" and element.get("name") == "moveit_controller_manager"
@@ -197,7 +148,7 @@ def _chosen(files: List[LaunchFile]) -> List[str]:
 # ---- nodes ----
 
 def _check_nodes(launch: LaunchFile, report: ConfigReport) -> None:
-    if "gazebo" in launch.file:
+    if launch.is_for_gazebo:
         report.add(ADVICE, "is for Gazebo: not to be started with the driver", launch.file)
         return
     is_for_the_arm = any(
@@ -220,12 +171,15 @@ def _check_nodes(launch: LaunchFile, report: ConfigReport) -> None:
 def _check_publisher(node: Element, launch: LaunchFile, is_for_the_arm: bool, report: ConfigReport) -> None:
     sources = " ".join(element.text or element.get("value") for element in node.children
                        if (element.get("param") or element.get("name")).endswith("source_list"))
-    hears = re.search(r"(?<![\w/])/?joint_states", sources)
-    condition = "".join(" (only %s %s)" % (key, node.get(key)) for key in ("if", "unless") if key in node.attributes)
-    if hears or is_for_the_arm:
+    repeats = re.search(r"(?<![\w/])/?joint_states", sources) is not None
+    condition = "".join(" (%s %s)" % (key, node.get(key)) for key in ("if", "unless") if key in node.attributes)
+    if launch.is_off(node):
+        report.add(ADVICE, "starts joint_state_publisher%s, by default not: never beside the driver" % condition,
+                   launch.file, node.line)
+    elif repeats or is_for_the_arm:
         report.add(MUST_CHANGE, "starts joint_state_publisher%s: it publishes on /joint_states beside the driver%s; "
                    "take it out, or do not start this file with the driver" % (
-                       condition, ", what it hears there" if hears else ""), launch.file, node.line)
+                       condition, ", and repeats what it receives there" if repeats else ""), launch.file, node.line)
     else:
         report.add(ADVICE, "starts joint_state_publisher%s: for a demo without arm; never beside the driver" % (
                    condition), launch.file, node.line)

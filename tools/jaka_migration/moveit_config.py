@@ -1,6 +1,7 @@
 """The program check_moveit_config: reads a MoveIt configuration package and prints what must change for this driver."""
 import argparse
 import glob
+import math
 import os
 import re
 import sys
@@ -18,6 +19,7 @@ from jaka_migration.urdf_chain import ArmChain, ChainDifference, Urdf, WrongUrdf
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
+from jaka_ros_driver.kinematics.rotations import rotation_vector_from_matrix
 
 SAME_M, SAME_RAD = 1e-3, 2e-3
 """Largest difference of a URDF and a model that are the same arm: one arm differs from its series by about 1 mm."""
@@ -228,13 +230,13 @@ def _nearest(chain: ArmChain) -> Tuple[ArmModel, ChainDifference]:
 def _check_chain(chain: ArmChain, file: str, expected: Expected, report: ConfigReport) -> None:
     found, model = chain.difference(expected.model), expected.model
     line = chain.joints[0].line
-    text = "the chain from %s to %s differs from model %s by %.2f mm and %.4f rad at most" % (
-        found.base, found.flange, model.name, found.distance * 1e3, found.angle)
+    text = "the chain from %s to %s differs from model %s by %.2f mm and %.2f deg at most" % (
+        found.base, found.flange, model.name, found.distance * 1e3, math.degrees(found.angle))
     if found.distance <= SAME_M and found.angle <= SAME_RAD:
         report.add(FITS, text, file, line)
     elif found.distance <= NEAR_M and found.angle <= NEAR_RAD:
-        report.add(ADVICE, "%s: compare a pose of the arm with both%s" % (
-            text, "; of the model: " + model.note if model.note else ""), file, line)
+        report.add(ADVICE, "%s%s: compare a pose of the arm with both%s" % (
+            text, _moved_frame(chain, found, model), "; of the model: " + model.note if model.note else ""), file, line)
     else:
         report.add(MUST_CHANGE, "%s (joints at %s rad); %s" % (
             text, ", ".join("%g" % angle for angle in found.worst), _explained(chain, found, model)), file, line)
@@ -247,15 +249,32 @@ def _explained(chain: ArmChain, found: ChainDifference, model: ArmModel) -> str:
     """Return what the difference is, and what to do about it."""
     nearest, difference = _nearest(chain)
     if difference.size < 0.5 * found.size:
-        return "nearest is model %s, %.2f mm and %.4f rad: use it, if that is the arm, or another URDF" % (
-            nearest.name, difference.distance * 1e3, difference.angle)
-    for name, offset in zip(("base", "flange"), chain.fixed_offset(model)):
-        if offset is not None:
-            is_turned = offset[0] < 0.999 or offset[8] < 0.999
-            return ("it is the same arm with the %s frame moved by %.1f, %.1f, %.1f mm%s: correct the URDF, or add a "
-                    "link that is the driver's frame" % (name, 1e3 * offset[9], 1e3 * offset[10], 1e3 * offset[11],
-                                                    " and turned" if is_turned else ""))
+        return "nearest is model %s, %.2f mm and %.2f deg: use it, if that is the arm, or another URDF" % (
+            nearest.name, difference.distance * 1e3, math.degrees(difference.angle))
+    moved = _moved_frame(chain, found, model)
+    if moved:
+        return moved[2:] + ": correct the URDF, or add a link that is the driver's frame"
     return "no other model is nearer: use the URDF of the arm that stands in the cell"
+
+
+def _moved_frame(chain: ArmChain, found: ChainDifference, model: ArmModel) -> str:
+    """Return the fixed offset of one frame that is the whole difference, in words; empty where there is none."""
+    for link, offset in zip((found.base, found.flange), chain.fixed_offset(model, found.base, found.flange)):
+        if offset is None:
+            continue
+        shift = [1e3 * part + 0.0 for part in offset[9:]]
+        turn = [math.degrees(part) for part in rotation_vector_from_matrix(offset[:9])]
+        parts = []
+        if max(map(abs, shift)) >= 0.05:
+            parts.append("moved by %s mm" % ", ".join(map(_tenths, shift)))
+        if max(map(abs, turn)) >= 0.05:
+            parts.append("turned by %s deg about x, y, z" % ", ".join(map(_tenths, turn)))
+        return "; within 1 mm the same arm with the frame of %s %s" % (link, " and ".join(parts)) if parts else ""
+    return ""
+
+
+def _tenths(number: float) -> str:
+    return "%.1f" % (round(number, 1) + 0.0)  # no "-0.0"
 
 
 def _without(prefix: str, link: str) -> str:

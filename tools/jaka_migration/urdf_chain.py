@@ -265,15 +265,22 @@ class ArmChain:
         assert best is not None  # there is always the link before joint 1, and the one behind joint 6
         return best
 
-    def fixed_offset(self, model: ArmModel) -> Tuple[Optional[Transform], Optional[Transform]]:
+    def fixed_offset(self, model: ArmModel, base: str, flange: str
+                     ) -> Tuple[Optional[Transform], Optional[Transform]]:
         """Return the fixed offsets that would explain a difference: of the base frame, and of the flange frame.
 
-        An offset is None where the chain differs otherwise. They are for the links next to the arm.
+        An offset is None where the chain differs otherwise.
+
+        Args:
+            model: The model from which the chain differs.
+            base: A link before the arm that is fixed to it.
+            flange: A link behind the arm that is fixed to it.
         """
-        arms = [self._arm(position) for position in POSITIONS]
+        to_arm, from_arm = dict(self._bases)[base], dict(self._flanges)[flange]
+        frames = [compose(compose(to_arm, self._arm(position)), from_arm) for position in POSITIONS]
         wanted = [forward(model, position) for position in POSITIONS]
-        bases = [compose(arm, invert(frame)) for arm, frame in zip(arms, wanted)]
-        flanges = [compose(invert(frame), arm) for arm, frame in zip(arms, wanted)]
+        bases = [compose(frame, invert(other)) for frame, other in zip(frames, wanted)]
+        flanges = [compose(invert(other), frame) for frame, other in zip(frames, wanted)]
         return _constant(bases), _constant(flanges)
 
 
