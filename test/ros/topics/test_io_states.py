@@ -34,7 +34,7 @@ class Bench:
     def __init__(self, monkeypatch):
         self.messages, self.subscribers, self.now = [], 1, 100.0
         topic = SimpleNamespace(publish=self.messages.append, get_num_connections=lambda: self.subscribers)
-        monkeypatch.setattr(io_states.rospy, "Publisher", lambda *_, **options: self.offered.update(options) or topic)
+        monkeypatch.setattr(io_states, "direct_publisher", lambda *_, **options: self.offered.update(options) or topic)
         self.offered = {}
         arm = SimpleNamespace(add_listener=lambda listener: setattr(self, "arrived", listener))
         stamps = SampleStamps(StampClock(lambda: int(self.now * 1e9), lambda: self.now))

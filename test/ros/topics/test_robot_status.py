@@ -317,7 +317,7 @@ def published(monkeypatch):
     """Return a publisher, and ``show(at, is_new, **fields)``, which returns what it has published when this state has
     come."""
     sent, topic = [], types.SimpleNamespace(get_num_connections=lambda: 1, publish=lambda message: sent.append(message))
-    monkeypatch.setattr(rospy, "Publisher", lambda *arguments, **options: topic)
+    monkeypatch.setattr(robot_status, "direct_publisher", lambda *arguments, **options: topic)
     monkeypatch.setattr(robot_status, "ros_clock", lambda: time.time_ns)
     publisher = RobotStatusPublisher(Arm())
 

@@ -27,7 +27,7 @@ class Bench:
 
     def __init__(self, monkeypatch):
         self.messages, self.subscribers, self.now = {}, 1, 100.0
-        monkeypatch.setattr(sensors.rospy, "Publisher", lambda name, *_, **__: SimpleNamespace(
+        monkeypatch.setattr(sensors, "direct_publisher", lambda name, *_, **__: SimpleNamespace(
             publish=self.messages.setdefault(name, []).append, get_num_connections=lambda: self.subscribers))
         self.arm = SimpleNamespace(state=None, settings=SimpleNamespace(feed_period=PERIOD_S),
                                    add_listener=lambda listener: setattr(self, "arrived", listener))

@@ -45,7 +45,9 @@ class Topic:
 def ros(monkeypatch):
     """Return topics and services by name, subscriptions' callbacks; a clock that stands."""
     found = SimpleNamespace(topics={}, subscribers={}, services={}, warnings=[])
-    monkeypatch.setattr(rospy, "Publisher", lambda name, kind, **_: found.topics.setdefault(name, Topic(kind)))
+    for room in (call_publisher, motion_ends, robot_status, speed, topics):
+        monkeypatch.setattr(room, "direct_publisher", lambda name, kind, *_, **__: found.topics.setdefault(
+            name, Topic(kind)))
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, callback, argument=None, **_: (
         found.subscribers.setdefault(name, lambda message: callback(message, argument))))
     monkeypatch.setattr(topics, "ServiceServer", lambda name, kind, handler, calls: found.services.setdefault(
