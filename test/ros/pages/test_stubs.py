@@ -49,8 +49,8 @@ WRONG = (
      'Argument 1 to "_write" of "Recorder" has incompatible type'),
     ("services/table.py", "RequestDecoder.payload, ServiceHandlers.payload",
      "RequestDecoder.switch, ServiceHandlers.payload", 'expected "Callable[[RequestDecoder, SetPayloadRequest]'),
-    ("topics/io_states.py", 'rospy.Publisher("~io_states", messages.IOStates, queue_size=_QUEUE, ',
-     'rospy.Publisher("~io_states", messages.IOStates, ', 'Missing named argument "queue_size" for "Publisher"'),
+    ("direct_publisher.py", "rospy.Publisher(name, message_type, queue_size=queue_size, ",
+     "rospy.Publisher(name, message_type, ", 'Missing named argument "queue_size" for "Publisher"'),
 )
 """A file of ``ros/``, what is there, a wrong text in its place, and the error that mypy reports."""
 
