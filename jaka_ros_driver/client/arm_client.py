@@ -338,14 +338,17 @@ class ArmClient:
         """
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
-    def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
+    def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> str:
         """Add one target to the servo stream.
+
+        Returns:
+            Which joint is led elsewhere, because its target is too near to a limit, in words; "" for none.
 
         Raises:
             InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
         """
         with self._in_core():
-            self._core.set_servo_target(command, time.monotonic())
+            return self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
         """Jog at the velocity of one message of a stream, until the message is not fresh any more.
@@ -378,7 +381,7 @@ class ArmClient:
         return self._core.stops
 
     def follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances,
-               stops: Optional[int] = None) -> "Future[None]":
+               stops: Optional[int] = None) -> "Future[str]":
         """Begin to follow a trajectory; a running one is replaced, and joined at the arm's position of that moment.
 
         Args:
@@ -387,8 +390,9 @@ class ArmClient:
             stops: The number of stops when it was asked for; a stop since then ends it. None: it is asked for now.
 
         Returns:
-            Ends when the arm rests at the last point and servo mode is left, or with a MotionInterrupted: of cause
-            CANCELLED, REPLACED, or what stopped the arm; PathToleranceViolated and GoalToleranceViolated are two.
+            Ends when the arm rests at the last point and servo mode is left, with ``Path.led``; or with a
+            MotionInterrupted: of cause CANCELLED, REPLACED, or what stopped the arm; PathToleranceViolated and
+            GoalToleranceViolated are two.
 
         Raises:
             InvalidTrajectory: It is malformed, breaks a limit, or begins elsewhere; nothing was sent.
@@ -418,7 +422,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.follow_point(call, point, self._core.stops, now))
 
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
-                       lead: float) -> "Future[None]":
+                       lead: float) -> "Future[str]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
         starts_at, elapsed = trajectory.starts_at, 0.0
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
@@ -428,7 +432,7 @@ class ArmClient:
         path = followed_path(start, trajectory, elapsed, self.model, self.settings)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
-    def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
+    def cancel_trajectory(self, goal: "Optional[Future[str]]" = None) -> bool:
         """Brake a trajectory on its path, that of ``follow``'s future or any; return False where it does not run."""
         with self._in_core():
             return self._core.cancel_trajectory(goal, time.monotonic())

@@ -71,8 +71,8 @@ class ServiceHandlers:
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> ServiceOutcome:
         """Serve servo_j and servo_p: add one target."""
-        self._arm.servo_target(command)
-        return ServiceOutcome("accepted")
+        led = self._arm.servo_target(command)
+        return ServiceOutcome("accepted; " + led if led else "accepted")
 
     def stop(self, _: None) -> ServiceOutcome:
         """Serve stop_move: the stop is sent at once, whatever other calls are running."""
