@@ -162,7 +162,7 @@ OF_KINEMATICS: Tuple[Mutant, ...] = (
     Mutant("an old servo target counts", "ros/topics/servo_topics.py", "if not -AHEAD_S <= age <= FRESH_S:",
            "if not -AHEAD_S <= age:", ("test/ros/topics/test_servo_topics.py",)),
     Mutant("joints are held against the next joint's limits", "kinematics/limits.py",
-           "enumerate(zip(values, model.joint_limits)):",
+           "enumerate(zip(values, accepted_limits(model, standing))):",
            "enumerate(zip(values, model.joint_limits[1:] + model.joint_limits[:1])):", LIMITS),
     Mutant("power is taken for enabled", "kinematics/limits.py",
            "state is not None and not state.is_enabled", "state is not None and not state.is_powered", LIMITS),
