@@ -60,22 +60,22 @@ STREAMS = (by_trajectory, by_servo_targets, by_points)
 
 
 def ends(model):
-    """Return (joint, side, sign, start, limit) of each end of each joint; the start is ``WAY`` beside the limit."""
+    """Return (joint, sign, start, limit) of each end of each joint; the start is ``WAY`` beside the limit."""
     middle = tuple(min(max(0.3, low), high) for low, high in model.joint_limits)
     for joint, side in itertools.product(range(6), range(2)):
         limit, sign = model.joint_limits[joint][side], 1.0 if side else -1.0
-        yield joint, side, sign, middle[:joint] + (limit - sign * WAY,) + middle[joint + 1:], limit
+        yield joint, sign, middle[:joint] + (limit - sign * WAY,) + middle[joint + 1:], limit
 
 
 @pytest.mark.parametrize("stream", STREAMS)
 @pytest.mark.parametrize("name", model_names())
 def test_no_stream_runs_onto_a_limit(name, stream):
     model = load_model(name)
-    for joint, side, _, start, limit in ends(model):
+    for joint, sign, start, limit in ends(model):
         for past in PAST_LIMIT:
-            goal = start[:joint] + (limit + (past if side else -past),) + start[joint + 1:]
+            goal = start[:joint] + (limit + sign * past,) + start[joint + 1:]
             frames, led = stream(model, start, goal)
-            end = stream_limits(model)[joint][side]
+            end = stream_limits(model)[joint][sign > 0.0]
             assert "joint %d is led to %.6f rad" % (joint + 1, end) in led
             assert frames[-1] == pytest.approx(start[:joint] + (end,) + start[joint + 1:], abs=1e-6)
             watch = PlantWatch(start, model, checks_acceleration=False)
@@ -84,7 +84,7 @@ def test_no_stream_runs_onto_a_limit(name, stream):
                 watch.plant.servo_joint(frame)
                 watch.step()
             faults = [hex(code) for code in watch.codes if code & 0xFFFF not in (0x33, 0x34)]
-            assert not faults and not watch.plant.on_soft_limit, "joint %d, side %d" % (joint + 1, side)
+            assert not faults and not watch.plant.on_soft_limit, "joint %d, end %g" % (joint + 1, sign)
             assert watch.plant.joint_position == pytest.approx(frames[-1], abs=1e-9)
 
 
@@ -93,7 +93,7 @@ def test_no_stream_runs_onto_a_limit(name, stream):
 @pytest.mark.parametrize("name", ["zu7", "c7", "a12"])
 def test_an_arm_that_stands_beyond_is_not_pushed_back_and_gets_away(name, beyond, stream):
     model = load_model(name)
-    for joint, side, sign, inside, limit in ends(model):
+    for joint, sign, inside, limit in ends(model):
         start = inside[:joint] + (limit + sign * beyond,) + inside[joint + 1:]
         held, _ = stream(model, start, start)
         assert all(frame == pytest.approx(start, abs=1e-12) for frame in held)
@@ -111,7 +111,7 @@ def test_an_arm_that_stands_beyond_is_not_pushed_back_and_gets_away(name, beyond
 @pytest.mark.parametrize("stream", STREAMS)
 def test_what_is_beyond_the_limit_itself_is_refused(stream):
     model = load_model("zu7")
-    for joint, side, sign, start, limit in ends(model):
+    for joint, sign, start, limit in ends(model):
         with pytest.raises(InvalidCommand, match="joint %d" % (joint + 1)):
             stream(model, start, start[:joint] + (limit + sign * 2e-3,) + start[joint + 1:])
 

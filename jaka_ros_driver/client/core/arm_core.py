@@ -380,7 +380,9 @@ class ArmCore:
                now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
 
-        The answer is ``Path.led``. ``stops`` as for ``trajectory_start``. Errors as ``move``, and: StartChanged (the arm is not there any more,
+        The answer is ``Path.led``.
+
+        ``stops`` as for ``trajectory_start``. Errors as ``move``, and: StartChanged (the arm is not there any more,
         nothing was sent), PathToleranceViolated, GoalToleranceViolated.
         """
         self._enter(FollowRequest(call, self._arm, now, stops, path, start, tolerances), now)
