@@ -189,6 +189,11 @@ class ArmClient:
         return self._core.links.is_servo_active
 
     @property
+    def is_stream_moving(self) -> Optional[bool]:
+        """Whether this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        return self._core.is_stream_moving
+
+    @property
     def motion_owner(self) -> Optional[MotionOwner]:
         """The kind of motion in which this driver moves the arm, until the arm is seen at rest; None for none."""
         return self._core.motion_owner
@@ -236,8 +241,7 @@ class ArmClient:
         Raises:
             InvalidCommand: It breaks a limit; nothing was sent.
             CommandRejected: The controller refused it.
-            ReplyTimeout: No reply in time.
-            ConnectionLost: The link is down.
+            ReplyTimeout, ConnectionLost: No reply in time; the link is down.
             ProtocolError: The reply does not hold the answer.
         """
         return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
@@ -254,8 +258,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
     def move(self, command: c.MoveCommand, wait: bool = True) -> None:
-        """Move to the command's target; return, with ``wait``, when the arm is there, otherwise on the controller's
-        acceptance.
+        """Move to the command's target; return when the arm is there or, without ``wait``, when it is accepted.
 
         Raises:
             InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
@@ -320,9 +323,7 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
-        ends.
-        """
+        """Resume the paused program as ``play_program`` plays one; of one that this driver plays, the first one ends."""
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end
@@ -339,10 +340,7 @@ class ArmClient:
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> str:
-        """Add one target to the servo stream.
-
-        Returns:
-            Which joint is led elsewhere, because its target is too near to a limit, in words; "" for none.
+        """Add one target to the servo stream; return which joint is led elsewhere, in words (``Servo.set_target``).
 
         Raises:
             InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
@@ -390,9 +388,8 @@ class ArmClient:
             stops: The number of stops when it was asked for; a stop since then ends it. None: it is asked for now.
 
         Returns:
-            Ends when the arm rests at the last point and servo mode is left, with ``Path.led``; or with a
-            MotionInterrupted: of cause CANCELLED, REPLACED, or what stopped the arm; PathToleranceViolated and
-            GoalToleranceViolated are two.
+            Ends with ``Path.led`` when the arm rests at the last point and servo mode is left; or with a
+            MotionInterrupted: CANCELLED, REPLACED, what stopped the arm, Path- or GoalToleranceViolated.
 
         Raises:
             InvalidTrajectory: It is malformed, breaks a limit, or begins elsewhere; nothing was sent.

@@ -133,6 +133,12 @@ class ArmCore:
         return motion.late_cycles if isinstance(motion, Streaming) else 0
 
     @property
+    def is_stream_moving(self) -> Optional[bool]:
+        """Whether this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        motion = self.custody.motion
+        return motion.is_moving if isinstance(motion, Streaming) and not self.custody.is_ending else None
+
+    @property
     def trajectory(self) -> Optional[TrajectoryProgress]:
         """The progress of the running trajectory; None without one."""
         motion = self.custody.motion

@@ -1,6 +1,5 @@
 """Servo mode for a client that streams targets; the arm is held before they come, and when they stop."""
 import logging
-import math
 from typing import List, Optional, Union
 
 from jaka_ros_driver.client.core.actions import Token
@@ -41,7 +40,6 @@ class Servo(Streaming):
         self._calls: List[Token] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
-        self._moved_at = -math.inf
         self._was_led = False
 
     # ---- calls ----
@@ -109,8 +107,6 @@ class Servo(Streaming):
         timeout = self._custody.settings.servo_timeout
         if now - self._last_target_at > timeout:
             self.leave(None, "no servo target for %.1f s" % timeout)
-        if not self._stream.is_at_rest:
-            self._moved_at = now
         return self._stream.next_frame()
 
     def _sent_point(self) -> Vector:

@@ -119,7 +119,8 @@ class StatePublishers(LoopTask):
             state.received_at, self._tool(state, stamp),
             convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
             None if self._robot_states is None else
-            convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
+            convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor,
+                                 self._arm.is_stream_moving))
         self._newest = sample
         self._publish(sample)
         self._repeater.arrived(state.received_at)
