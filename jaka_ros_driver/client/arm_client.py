@@ -323,7 +323,7 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Resume the paused program as ``play_program`` plays one; of one that this driver plays, the first one ends."""
+        """Resume the paused program as ``play_program`` plays one; of one that this driver plays, the first ends."""
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end

@@ -142,6 +142,8 @@ OF_KINEMATICS: Tuple[Mutant, ...] = (
            "if not cost < best_cost:", "if best is not None:", INVERSE),
     Mutant("a solution is not turned into its limits", "kinematics/inverse.py",
            "angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)", "pass", INVERSE),
+    Mutant("a solution beside the reference goes before a nearer branch", "kinematics/inverse.py",
+           "math.dist(followed, reference) ** 2 < best_cost", "True", INVERSE),
     Mutant("a joint at its limit is not clamped", "kinematics/inverse.py",
            "return min(max(angle, low), high)", "return angle", INVERSE),
     Mutant("there is no tolerance at the upper joint limit", "kinematics/inverse.py",
