@@ -190,7 +190,7 @@ class ArmClient:
 
     @property
     def is_stream_moving(self) -> Optional[bool]:
-        """Whether this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        """True while this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
         return self._core.is_stream_moving
 
     @property

@@ -69,7 +69,7 @@ LINK_LOSS_TIMES_S = (0.0, 10.0)
 _LED = 2e-6
 """Distance, rad, above which a target that is led elsewhere is worth a word; targets come as float32."""
 JointRanges = Tuple[Tuple[float, float], ...]
-"""(low, high) of each joint, rad (6,)."""
+"""Lowest and highest position of each joint, rad."""
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 
 

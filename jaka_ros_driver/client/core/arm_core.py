@@ -134,7 +134,7 @@ class ArmCore:
 
     @property
     def is_stream_moving(self) -> Optional[bool]:
-        """Whether this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        """True while this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
         motion = self.custody.motion
         return motion.is_moving if isinstance(motion, Streaming) and not self.custody.is_ending else None
 

@@ -109,7 +109,7 @@ class Streaming(ArmMotion):
 
     @property
     def is_moving(self) -> Optional[bool]:
-        """Whether the stream moves the arm; None while no frames are sent.
+        """True while the stream moves the arm; None while no frames are sent.
 
         It does from the first frame that leads elsewhere until the arm is seen at rest after the last such frame: what
         the controller says of itself between two frames depends on when it got them.
