@@ -55,8 +55,8 @@ STREAM_INSET = 1e-3
 """Distance, rad, from a joint's limits that streams keep.
 
 A controller ends a stream with a fault on its soft limit (events 0x0n0031 and 32, docs/controller-protocol.md section
-4.4); the simulated one does so within 1e-5 rad of it, of real ones the distance is not known. A ``JointMove`` may end on
-the limit itself: the controller plans it.
+4.4); the simulated one does so within 1e-5 rad of it, of real ones the distance is not known. A ``JointMove`` may end
+on the limit itself: the controller plans it.
 """
 TOOL_IDS = (1, 11)
 USER_FRAME_IDS = (1, 10)
