@@ -186,3 +186,13 @@ class RobotState:
         if not self.is_in_position or self.is_hand_guided or self.program_state in PROGRAM_UNDER_WAY:
             return MotionState.RUNNING
         return MotionState.STOPPED
+
+    def shown_motion_state(self, is_stream_moving: Optional[bool]) -> MotionState:
+        """Return the motion state of an arm whose stream of this driver tells running from stopped.
+
+        is_stream_moving: Whether that stream moves the arm; None where there is none.
+        """
+        state = self.motion_state
+        if is_stream_moving is None or state not in (MotionState.RUNNING, MotionState.STOPPED):
+            return state
+        return MotionState.RUNNING if is_stream_moving else MotionState.STOPPED

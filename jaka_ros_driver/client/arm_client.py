@@ -189,6 +189,11 @@ class ArmClient:
         return self._core.links.is_servo_active
 
     @property
+    def is_stream_moving(self) -> Optional[bool]:
+        """True while this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        return self._core.is_stream_moving
+
+    @property
     def motion_owner(self) -> Optional[MotionOwner]:
         """The kind of motion in which this driver moves the arm, until the arm is seen at rest; None for none."""
         return self._core.motion_owner
@@ -236,8 +241,7 @@ class ArmClient:
         Raises:
             InvalidCommand: It breaks a limit; nothing was sent.
             CommandRejected: The controller refused it.
-            ReplyTimeout: No reply in time.
-            ConnectionLost: The link is down.
+            ReplyTimeout, ConnectionLost: No reply in time; the link is down.
             ProtocolError: The reply does not hold the answer.
         """
         return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
@@ -254,8 +258,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
     def move(self, command: c.MoveCommand, wait: bool = True) -> None:
-        """Move to the command's target; return, with ``wait``, when the arm is there, otherwise on the controller's
-        acceptance.
+        """Move to the command's target; return when the arm is there or, without ``wait``, when it is accepted.
 
         Raises:
             InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
@@ -320,9 +323,7 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
-        ends.
-        """
+        """Resume the paused program as ``play_program`` plays one; of one that this driver plays, the first ends."""
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end
@@ -338,14 +339,14 @@ class ArmClient:
         """
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
-    def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
-        """Add one target to the servo stream.
+    def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> str:
+        """Add one target to the servo stream; return which joint is led elsewhere, in words (``Servo.set_target``).
 
         Raises:
             InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
         """
         with self._in_core():
-            self._core.set_servo_target(command, time.monotonic())
+            return self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
         """Jog at the velocity of one message of a stream, until the message is not fresh any more.
@@ -378,7 +379,7 @@ class ArmClient:
         return self._core.stops
 
     def follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances,
-               stops: Optional[int] = None) -> "Future[None]":
+               stops: Optional[int] = None) -> "Future[str]":
         """Begin to follow a trajectory; a running one is replaced, and joined at the arm's position of that moment.
 
         Args:
@@ -387,8 +388,8 @@ class ArmClient:
             stops: The number of stops when it was asked for; a stop since then ends it. None: it is asked for now.
 
         Returns:
-            Ends when the arm rests at the last point and servo mode is left, or with a MotionInterrupted: of cause
-            CANCELLED, REPLACED, or what stopped the arm; PathToleranceViolated and GoalToleranceViolated are two.
+            Ends with ``Path.led`` when the arm rests at the last point and servo mode is left; or with a
+            MotionInterrupted: CANCELLED, REPLACED, what stopped the arm, Path- or GoalToleranceViolated.
 
         Raises:
             InvalidTrajectory: It is malformed, breaks a limit, or begins elsewhere; nothing was sent.
@@ -418,7 +419,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.follow_point(call, point, self._core.stops, now))
 
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
-                       lead: float) -> "Future[None]":
+                       lead: float) -> "Future[str]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
         starts_at, elapsed = trajectory.starts_at, 0.0
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
@@ -428,7 +429,7 @@ class ArmClient:
         path = followed_path(start, trajectory, elapsed, self.model, self.settings)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
-    def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
+    def cancel_trajectory(self, goal: "Optional[Future[str]]" = None) -> bool:
         """Brake a trajectory on its path, that of ``follow``'s future or any; return False where it does not run."""
         with self._in_core():
             return self._core.cancel_trajectory(goal, time.monotonic())

@@ -22,7 +22,7 @@ def lead_of(trajectory: JointTrajectory) -> float:
 
 def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
                   settings: ClientSettings) -> Path:
-    """Return the audited path of a trajectory; log where it is slowed, or begins late.
+    """Return the audited path of a trajectory; log where it is slowed or led elsewhere, or begins late.
 
     Args:
         start: The place where it begins.
@@ -39,6 +39,8 @@ def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: 
     if path.rates is not None:
         _LOG.info("the trajectory is slowed, and takes %.3f s longer than its %.3f s: %s", path.rates.delay(),
                   trajectory.points[-1].time, path.rates.text)
+    if path.led:
+        _LOG.warning("the trajectory does not reach all its points: %s", path.led)
     if start.begin.is_at_rest and path.begin < elapsed - _LOGGED_LATE_S:
         _LOG.info("the trajectory begins %.3f s late: its stamp was %.3f s ago when it was taken", elapsed - path.begin,
                   elapsed)

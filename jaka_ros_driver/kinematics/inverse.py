@@ -44,7 +44,7 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
 
     Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences. At a singularity,
     where rounding of the pose can move the branches far from the reference, a solution next to the reference that
-    reaches the pose within the tolerances is preferred.
+    reaches the pose within the tolerances is preferred where it is nearer.
 
     Args:
         model: The arm.
@@ -78,7 +78,8 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
             best, best_cost = tuple(turned), cost
     if best_cost > _NEAR_REFERENCE ** 2 and min(singularity_measures(model, reference)) < _NEAR_SINGULAR:
         followed = numeric_inverse.settle(model, base_t_flange, reference)
-        if _is_near(model, followed, reference) and _reaches(model, followed, base_t_flange):
+        if (_is_near(model, followed, reference) and math.dist(followed, reference) ** 2 < best_cost
+                and _reaches(model, followed, base_t_flange)):
             return followed
     if best is not None:
         return best

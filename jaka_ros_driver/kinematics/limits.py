@@ -11,7 +11,7 @@ from jaka_ros_driver import commands
 from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.state import IoBank, RobotState
+from jaka_ros_driver.state import IoBank, RobotState, Vector
 
 FLOAT32_SLACK = 2e-7
 """Relative excess that a bound such as 265 deg, converted to rad and float32, may have."""
@@ -51,6 +51,13 @@ WEAKEST = 5e-3
 """Lowest acceleration, rad/s2, and m/s2 of the tool: it reaches ``SLOWEST`` in 0.1 s, for the same reason."""
 SERVO_PERIOD_S = 0.008
 """One servo cycle, s (docs/controller-protocol.md section 5.6.5)."""
+STREAM_INSET = 1e-3
+"""Distance, rad, from a joint's limits that streams keep.
+
+A controller ends a stream with a fault on its soft limit (events 0x0n0031 and 32, docs/controller-protocol.md section
+4.4); the simulated one does so within 1e-5 rad of it, of real ones the distance is not known. A ``JointMove`` may end
+on the limit itself: the controller plans it.
+"""
 TOOL_IDS = (1, 11)
 USER_FRAME_IDS = (1, 10)
 """First and last id that can be set (docs/interface.md section 2); 0, flange and base, can only be selected."""
@@ -59,6 +66,10 @@ FEED_PERIODS_S = (0.001, 10.0)
 LINK_LOSS_TIMES_S = (0.0, 10.0)
 """Shortest and longest delay, s; a later stop of an arm that has lost its client would protect nobody."""
 
+_LED = 2e-6
+"""Distance, rad, above which a target that is led elsewhere is worth a word; targets come as float32."""
+JointRanges = Tuple[Tuple[float, float], ...]
+"""Lowest and highest position of each joint, rad."""
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 
 
@@ -84,6 +95,44 @@ def check(command: commands.Command, model: ArmModel, state: Optional[RobotState
     if checker is None:
         raise InvalidCommand("%s is no command that the arm knows" % type(command).__name__)
     checker(command, model, state)
+
+
+def stream_limits(model: ArmModel, standing: Optional[Sequence[float]] = None) -> JointRanges:
+    """Return the range of each joint in which streams stay: its limits, ``STREAM_INSET`` narrower at both ends.
+
+    standing: The joints of the arm now, rad (6,). One that stands beyond has a range that reaches as far as there: it
+        is not pushed back, and is not refused the way out.
+    """
+    ranges = []
+    for low, high in model.joint_limits:
+        inset = min(STREAM_INSET, 0.25 * (high - low))
+        ranges.append((low + inset, high - inset))
+    return tuple(ranges) if standing is None else _reaching(ranges, standing)
+
+
+def accepted_limits(model: ArmModel, standing: Optional[Sequence[float]]) -> JointRanges:
+    """Return the range of each joint in which a stream's targets are taken: its limits, reaching to ``standing``, too.
+
+    Targets outside ``stream_limits`` are then led into them (``led_inside``).
+    """
+    return model.joint_limits if standing is None else _reaching(model.joint_limits, standing)
+
+
+def led_inside(target: Vector, ranges: JointRanges) -> Tuple[Vector, str]:
+    """Return the target, rad (6,), moved into the ranges, and in words which joint was led to where; "" for none."""
+    led = tuple([min(max(value, low), high) for value, (low, high) in zip(target, ranges)])
+    return led, led_text(target, led)
+
+
+def led_text(target: Sequence[float], led: Sequence[float]) -> str:
+    """Return in words which joints of a target, rad (6,), were led to another place; "" where rounding did it."""
+    return ", ".join("joint %d is led to %.6f rad, not to %.6f rad: streams stay %g rad inside the limits"
+                     % (joint, to, wanted, STREAM_INSET)
+                     for joint, (wanted, to) in enumerate(zip(target, led), 1) if abs(wanted - to) > _LED)
+
+
+def _reaching(ranges: Sequence[Tuple[float, float]], standing: Sequence[float]) -> JointRanges:
+    return tuple([(min(low, at), max(high, at)) for at, (low, high) in zip(standing, ranges)])
 
 
 def top_joint_speeds(model: ArmModel) -> Tuple[float, ...]:
@@ -195,8 +244,8 @@ def _pose(name: str, pose: Any) -> None:
     _vector(name + ".rpy", pose.rpy, 3, ANGLE_LIMIT, "rad")
 
 
-def _joint_target(name: str, values: Sequence[float], model: ArmModel) -> None:
-    for n, (value, (low, high)) in enumerate(zip(values, model.joint_limits)):
+def _joint_target(name: str, values: Sequence[float], model: ArmModel, standing: Optional[Vector] = None) -> None:
+    for n, (value, (low, high)) in enumerate(zip(values, accepted_limits(model, standing))):
         _number("%s[%d] (joint %d of %s)" % (name, n, n + 1, model.name), value, low, high, "rad")
 
 
@@ -249,6 +298,7 @@ def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[
     _vector("joint_position", command.joint_position, JOINT_COUNT, math.inf, "rad")
     _flag("relative", command.relative)
     _integer("cycles", command.cycles, *SERVO_CYCLES)
+    standing = None if state is None else state.joint_position
     if command.relative:
         reach = JOINT_SPEED_CEILING * SERVO_PERIOD_S * command.cycles
         for n, increment in enumerate(command.joint_position):
@@ -256,9 +306,9 @@ def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[
                     -reach, reach, "rad")
         if state is not None:
             _joint_target("joint_position", [at + by for at, by in zip(state.joint_position, command.joint_position)],
-                          model)
+                          model, standing)
     else:
-        _joint_target("joint_position", command.joint_position, model)
+        _joint_target("joint_position", command.joint_position, model, standing)
     _enabled("servo target", state)
 
 

@@ -10,6 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel, DhRow
+from jaka_ros_driver.kinematics.limits import stream_limits
 from jaka_ros_driver.kinematics.rotations import rpy_from_matrix
 
 _EFFORT_UNKNOWN = 0.0
@@ -20,6 +21,8 @@ _RADIUS = 0.12
 
 def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_link", tool_link: str = "tool0") -> str:
     """Return the URDF text of the arm: ``base_link``, ``link_1`` .. ``link_6``, ``tool0``; ``joint_1`` .. ``joint_6``.
+
+    Its joints have the range in which streams stay (``stream_limits``): what plans with it is not led elsewhere.
 
     Args:
         model: The arm.
@@ -39,8 +42,7 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
         lines += _link(prefix + link, _body(row, radius))
     lines += _link(prefix + tool_link, _cylinder(radius * 0.6, radius * 0.1, (0.0, 0.0, -radius * 0.05), "joint"))
     parent, shift = base_link, DhRow(0.0, 0.0, 0.0)
-    for n, (joint, link, row) in enumerate(zip(JOINTS, links, model.dh)):
-        low, high = model.joint_limits[n]
+    for n, (joint, link, row, (low, high)) in enumerate(zip(JOINTS, links, model.dh, stream_limits(model))):
         lines += [
             "  <joint name=%s type=\"revolute\">" % quoteattr(prefix + joint),
             "    <parent link=%s/>" % quoteattr(prefix + parent),

@@ -339,13 +339,14 @@ def joint_position(state: RobotState, stamp: genpy.Time, names: Sequence[str],
     return message
 
 
-def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> "messages.RobotMsg":
-    """Return the message of ``~robot_states``.
+def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool,
+                 is_stream_moving: Optional[bool] = None) -> "messages.RobotMsg":
+    """Return the message of ``~robot_states``; ``is_stream_moving`` as for ``shown_motion_state``.
 
     ``servo_state`` is 1 in servo mode, in the vendor's interface while the arm is enabled.
     """
     return messages.RobotMsg(
-        motion_state=int(state.motion_state), power_state=int(state.is_powered),
+        motion_state=int(state.shown_motion_state(is_stream_moving)), power_state=int(state.is_powered),
         servo_state=int(state.is_enabled if is_vendor else is_servo_active),
         collision_state=int(state.protective_stop))
 

@@ -4,7 +4,13 @@ from typing import Callable, Optional
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, top_joint_speeds
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    SERVO_PERIOD_S,
+    JointRanges,
+    stream_limits,
+    top_joint_speeds,
+)
 from jaka_ros_driver.trajectory.path import TERMS, Array, Path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT, Overshoots, Rates
@@ -22,12 +28,15 @@ _SAMPLES_AT_ONCE = 20_000
 def audit(path: Path, model: ArmModel, slows: bool = False) -> None:
     """Check that every joint keeps its limits of position, speed and acceleration on the whole path.
 
+    Positions are those of ``stream_limits``, for an arm that stands where the path begins.
+
     slows: Give the path lower rates where it passes a limit by less than ``LARGEST_OVERSHOOT``.
 
     Raises:
         InvalidTrajectory: It does not; the message names the joint, the time, the value and the limit.
     """
     found = Overshoots() if slows else None
+    ranges = stream_limits(model, path.at(path.begin).position)
     counts = np.clip(np.ceil(np.diff(path.breaks) / _SAMPLE_PERIOD_S).astype(int), *_PIECE_SAMPLES)
     ends = np.cumsum(counts)
     first = 0
@@ -35,11 +44,12 @@ def audit(path: Path, model: ArmModel, slows: bool = False) -> None:
         until = int(np.searchsorted(ends, ends[first] + _SAMPLES_AT_ONCE))  # the next piece at least
         pieces = np.repeat(np.arange(first, until), counts[first:until])
         share = np.concatenate([np.arange(n) / n for n in counts[first:until]])
-        _audit_at(path, model, path.breaks[pieces] + share * np.diff(path.breaks)[pieces], found)
+        _audit_at(path, model, ranges, path.breaks[pieces] + share * np.diff(path.breaks)[pieces], found)
         first = until
-    _audit_at(path, model, np.array([path.end]), found)
+    _audit_at(path, model, ranges, np.array([path.end]), found)
     if path.approach is not None:
-        _audit_at(path, model, np.linspace(path.approach.since, min(path.approach.until, path.end), 256)[:-1], found)
+        _audit_at(path, model, ranges, np.linspace(path.approach.since, min(path.approach.until, path.end), 256)[:-1],
+                  found)
     _audit_changes(path, found)
     if found:
         path.rates = found.rates(path.begin, path.end, lambda rates: _share_at(path, model, rates))
@@ -63,10 +73,10 @@ def audit_changes(times: Array, changes: Array, found: Optional[Overshoots] = No
 
 # ---- inside ----
 
-def _audit_at(path: Path, model: ArmModel, times: Array, found: Optional[Overshoots]) -> None:
+def _audit_at(path: Path, model: ArmModel, ranges: JointRanges, times: Array, found: Optional[Overshoots]) -> None:
     times = times[times >= path.begin]  # what lies before is not followed, and an approach means nothing there
     positions, velocities, accelerations = path.samples(times)
-    low, high = np.array(model.joint_limits).T
+    low, high = np.array(ranges).T
     beyond = np.maximum(low - positions, positions - high) / _POSITION_SLACK
     _judge(times, beyond, 1.0, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
         joint + 1, positions[where, joint], low[joint], high[joint]), None)

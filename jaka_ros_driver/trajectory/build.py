@@ -1,10 +1,16 @@
 """The way from the arm's position onto a trajectory: the path that is audited and followed."""
+from dataclasses import replace
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    accepted_limits,
+    led_text,
+    stream_limits,
+)
 from jaka_ros_driver.trajectory.audit import audit, audit_changes
 from jaka_ros_driver.trajectory.corners import rounded_lines
 from jaka_ros_driver.trajectory.path import Approach, Array, JointState, Path, quintic
@@ -20,6 +26,8 @@ from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 _SAME = 1e-9
+_WIRE_ROUNDING = 1e-6
+"""Excess, rad, over a limit that is allowed, because points come as float32 from some clients."""
 MAX_DELAY_S = 60.0
 """Longest wait, s, for a trajectory that starts later; a wrong clock would ask for a longer one."""
 
@@ -51,6 +59,8 @@ def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, mo
                options: BuildOptions) -> Path:
     """Return a path from ``start`` through the points, within the limits of the model at every moment.
 
+    A joint whose points come nearer to its limits than streams go is led to where they end (``Path.led``).
+
     Points that were to be reached before now are left out. Where the first point is due now or before, the path leads
     onto the polynomials through the points, and else to the first point.
 
@@ -71,7 +81,10 @@ def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, mo
         raise InvalidTrajectory("the trajectory is to start in %.3f s; at most %g s are waited for" % (
             -elapsed, MAX_DELAY_S))
     with np.errstate(all="ignore"):
-        return _build(start, trajectory, elapsed, model, options)
+        trajectory, led = _led_inside(trajectory, start, model)
+        path = _build(start, trajectory, elapsed, model, options)
+    path.led = led
+    return path
 
 
 def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
@@ -101,6 +114,35 @@ def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model:
 
 
 # ---- inside ----
+
+def _led_inside(trajectory: JointTrajectory, start: PathStart, model: ArmModel) -> Tuple[JointTrajectory, str]:
+    """Return the trajectory with the way of each joint narrowed to ``stream_limits``, and in words where that is.
+
+    The whole way of such a joint is narrowed alike, so that it becomes slower everywhere and no corner comes into it. A
+    trajectory that passes the limits themselves is left as it is, for the audit.
+    """
+    positions = np.array([point.position for point in trajectory.points])
+    lowest, highest = positions.min(axis=0), positions.max(axis=0)
+    low, high = np.array(stream_limits(model, start.state.position)).T
+    is_inside = (lowest >= low) & (highest <= high)
+    if is_inside.all():
+        return trajectory, ""
+    least, most = np.array(accepted_limits(model, start.state.position)).T
+    if (lowest < least - _WIRE_ROUNDING).any() or (highest > most + _WIRE_ROUNDING).any():
+        return trajectory, ""
+    new_lowest, new_highest = np.clip(lowest, low, high), np.clip(highest, low, high)
+    shares = np.where(is_inside, 1.0, (new_highest - new_lowest) / np.maximum(highest - lowest, _SAME))
+    moved = np.where(is_inside, positions, new_lowest + shares * (positions - lowest))
+
+    def slower(values: Optional[Sequence[float]]) -> Optional[Tuple[float, ...]]:
+        return None if values is None else tuple((np.array(values) * shares).tolist())
+
+    points = tuple([TrajectoryPoint(point.time, tuple(position), slower(point.velocity), slower(point.acceleration))
+                    for point, position in zip(trajectory.points, moved.tolist())])
+    is_upper = highest > high
+    return replace(trajectory, points=points), led_text(np.where(is_upper, highest, lowest).tolist(),
+                                                        np.where(is_upper, new_highest, new_lowest).tolist())
+
 
 def _through(points: Sequence[TrajectoryPoint], start: PathStart) -> Tuple[Array, Array]:
     """Return the polynomials through these points, of which the first may be the arm's own state."""

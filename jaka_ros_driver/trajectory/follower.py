@@ -13,7 +13,9 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.limits import (
     JOINT_ACCELERATION_CEILING,
     SERVO_PERIOD_S,
+    led_inside,
     stoppable_speed,
+    stream_limits,
     top_joint_speeds,
 )
 from jaka_ros_driver.state import Vector
@@ -61,6 +63,7 @@ class PointFollower:
         self.position: Vector = position
         self.velocity: Vector = (0.0,) * JOINT_COUNT
         self.now = self._begun_at = now
+        self._model = model
         self._top = top_joint_speeds(model)
         self._acceleration: Vector = (0.0,) * JOINT_COUNT
         self._places: Deque[_Place] = deque([_Place(now, position)])
@@ -88,17 +91,21 @@ class PointFollower:
         """Return position, velocity and acceleration of the last cycle."""
         return JointState(self.position, self.velocity, self._acceleration)
 
-    def add(self, position: Vector, due: float, now: float) -> None:
-        """Take the next point.
+    def add(self, position: Vector, due: float, now: float) -> str:
+        """Take the next point; one that is nearer to a limit than streams go is led to where they end.
 
         Args:
             position: rad (6,), within the limits.
             due: When the arm is to be there, monotonic time, s.
             now: Monotonic time, s.
 
+        Returns:
+            Which joint is led elsewhere, in words; "" for none.
+
         Raises:
             InvalidTrajectory: A joint would have to run faster than it can; the points before are kept.
         """
+        position, led = led_inside(position, stream_limits(self._model, self.position))
         last, ahead = self._places[-1], max(due - now, 0.0)
         period = self._period_with(now, ahead)
         is_on = bool(self._came) and now - self._came[-1] < 3.0 * period and last.time + 2.0 * period > now
@@ -116,6 +123,7 @@ class PointFollower:
         while now - self._came[0] > _MEAN_OVER_S:
             self._came.popleft()
         self._places.append(_Place(time, position))
+        return led
 
     def step(self, wanted: float) -> Vector:
         """Advance one cycle; return the position, rad (6,).

@@ -47,6 +47,7 @@ class Path:
         coefficients: Of each, over the time from its break, (n, 6 terms, 6 joints).
         approach: Added at its begin; None for none.
         rates: Where its clock must run slower than time; None: nowhere.
+        led: Which joints do not reach their points, because those are too near to a limit, in words; "" for none.
     """
 
     def __init__(self, breaks: Array, coefficients: Array, begin: Optional[float] = None,
@@ -57,6 +58,7 @@ class Path:
         self.end = float(self.breaks[-1])
         self.approach = approach
         self.rates: Optional[Rates] = None
+        self.led = ""
 
     @classmethod
     def resting(cls, position: Vector, begin: float = 0.0) -> "Path":

@@ -10,7 +10,12 @@ from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    JOINT_SPEED_CEILING,
+    STREAM_INSET,
+    stream_limits,
+)
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 
 PERIOD = 0.008
@@ -180,33 +185,57 @@ def test_servo_ahead_is_counted_in_whole_cycles_whatever_its_rounding(cycles):
 
 @pytest.mark.parametrize("joint", range(6))
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_target_that_float32_puts_beyond_a_limit_is_driven_to_the_limit(joint, side):
-    limit = ZU3.joint_limits[joint][side]
-    inside = tuple(limit + (5e-4 if side == 0 else -5e-4) if n == joint else q for n, q in enumerate(HOME))
+def test_a_target_that_float32_puts_beyond_a_limit_is_led_to_where_streams_end(joint, side):
+    limit, end = ZU3.joint_limits[joint][side], stream_limits(ZU3)[joint][side]
+    inside = tuple(limit + (5e-3 if side == 0 else -5e-3) if n == joint else q for n, q in enumerate(HOME))
     servo = JointServo(inside, ZU3, 0.1, 0.5, PERIOD)
-    servo.set_target(tuple(limit + (-5e-7 if side == 0 else 5e-7) if n == joint else q for n, q in enumerate(HOME)),
-                     False)
+    led = servo.set_target(tuple(limit + (-5e-7 if side == 0 else 5e-7) if n == joint else q
+                                 for n, q in enumerate(HOME)), False)
+    assert "joint %d is led to %.6f rad" % (joint + 1, end) in led
     for _ in range(60):
         reached = servo.next_frame().joint_position[joint]
-        assert ZU3.joint_limits[joint][0] <= reached <= ZU3.joint_limits[joint][1]
-    assert reached == pytest.approx(limit, abs=1e-9)
+        assert stream_limits(ZU3)[joint][0] <= reached <= stream_limits(ZU3)[joint][1]
+    assert reached == pytest.approx(end, abs=1e-9)
     assert servo.is_at_rest, "a target that cannot be reached would keep the arm in servo mode"
 
 
 def test_increments_do_not_pass_a_joint_limit():
     low, high = ZU3.joint_limits[1]
-    servo = JointServo((0.0, high - 0.0015) + HOME[2:], ZU3, 0.1, 0.1, PERIOD)
-    servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True)
+    servo = JointServo((0.0, high - 0.0025) + HOME[2:], ZU3, 0.1, 0.1, PERIOD)
+    assert servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True) == ""
+    for _ in range(9):  # led increments do not add up
+        assert "joint 2 is led" in servo.set_target((0.0, 0.0009, 0.0, 0.0, 0.0, 0.0), True)
     with pytest.raises(InvalidCommand, match="joint 2"):
-        servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True)
+        servo.set_target((0.0, 0.0011, 0.0, 0.0, 0.0, 0.0), True)
     for _ in range(20):
-        assert servo.next_frame().joint_position[1] <= high
+        assert servo.next_frame().joint_position[1] <= high - STREAM_INSET
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("beyond", [-9e-4, -1e-6, 0.0, 0.05])
+def test_an_arm_beyond_the_end_of_streams_is_neither_pushed_back_nor_refused_the_way_out(beyond, side):
+    sign = 1.0 if side else -1.0
+    start = ZU3.joint_limits[1][side] + sign * beyond
+    servo = JointServo((HOME[0], start, *HOME[2:]), ZU3, 0.1, 0.2, PERIOD)
+    for _ in range(20):
+        assert servo.next_frame().joint_position[1] == start
+    with pytest.raises(InvalidCommand, match="joint 2"):
+        servo.set_target((HOME[0], start + sign * 0.01, *HOME[2:]), False)
+    if beyond < 0.0:
+        assert "is led to %.6f rad" % start in servo.set_target(
+            (HOME[0], ZU3.joint_limits[1][side], *HOME[2:]), False) or beyond > -2e-6
+    for step in range(1, 30):
+        assert servo.set_target((HOME[0], start - sign * 0.002 * step, *HOME[2:]), False) == ""
+        assert sign * servo.next_frame().joint_position[1] <= sign * start
+    for _ in range(60):
+        servo.next_frame()
+    assert servo.next_frame().joint_position[1] == pytest.approx(start - sign * 0.058)
 
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("speed", [0.5, 1.0, 2.0, 3.0])
 def test_a_fast_stream_that_ends_at_a_limit_does_not_pass_it(speed, side):
-    low, high = ZU3.joint_limits[1]
+    low, high = stream_limits(ZU3)[1]
     limit, sign = (low, -1.0) if side == 0 else (high, 1.0)
     began = limit - sign * 1.5
     servo = JointServo((HOME[0], began, *HOME[2:]), ZU3, 0.1, 0.2, PERIOD)

@@ -110,6 +110,22 @@ def test_the_nearest_of_all_branches_and_turns_is_chosen():
         assert sum((a - b) ** 2 for a, b in zip(found, reference)) == pytest.approx(min(costs))
 
 
+@pytest.mark.parametrize("model", [model for model in map(load_model, model_names()) if model.has_closed_form],
+                         ids=lambda model: model.name)
+def test_no_branch_is_nearer_beside_the_stretched_elbow(model):
+    rng = random.Random(17)
+    for _ in range(200):
+        joints = list(dh_oracle.random_joints(model, rng))
+        stretched = min((singularity_measures(model, (*joints[:2], q3, *joints[3:])).elbow, q3)
+                        for q3 in (-math.pi / 2, 0.0, math.pi / 2))[1]
+        joints[2] = stretched + rng.choice((-1.0, 1.0)) * 10.0 ** rng.uniform(-9.0, -1.0)
+        apart = 10.0 ** rng.uniform(-2.0, -1.2)  # most cases are where the nearest solution is 0.05 rad away
+        reference = tuple(min(max(angle + rng.gauss(0.0, apart), low), high)
+                          for angle, (low, high) in zip(joints, model.joint_limits))
+        found = inverse.inverse(model, forward(model, joints), reference)
+        assert math.dist(found, reference) <= math.dist(joints, reference) + 1e-6
+
+
 def rounded_to_float32(target):
     """Return what is left of a pose that was sent as float32 mm and a float32 rotation vector."""
     vector = [float(np.float32(angle)) for angle in rotations.rotation_vector_from_matrix(target)]

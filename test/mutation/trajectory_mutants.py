@@ -10,6 +10,7 @@ STORIES = ("test/client/core/test_trajectory_stories.py",)
 CLOCK = ("test/trajectory/test_clock.py",)
 RULES = ("test/trajectory/test_path_rules.py",)
 RATES = ("test/trajectory/test_rates.py",)
+ENDS = ("test/trajectory/test_stream_ends.py",)
 FOLLOWER = ("test/trajectory/test_follower.py",)
 DECODER = ("test/ros/trajectories/test_decoder.py",)
 MANAGER = ("test/ros/trajectories/test_controller_manager.py",)
@@ -49,6 +50,12 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            RULES),
     Mutant("lower limits only are audited", "trajectory/audit.py",
            "np.maximum(low - positions, positions - high)", "(low - positions)", RULES),
+    Mutant("a path may come onto a soft limit", "trajectory/audit.py",
+           "ranges = stream_limits(model, path.at(path.begin).position)", "ranges = model.joint_limits", RULES + ENDS),
+    Mutant("an arm that stands beyond is refused the way out", "trajectory/audit.py",
+           "ranges = stream_limits(model, path.at(path.begin).position)", "ranges = stream_limits(model)", ENDS),
+    Mutant("a point on a soft limit is followed there", "trajectory/follower.py",
+           "led_inside(position, stream_limits(self._model, self.position))", "position, \"\"", ENDS),
     Mutant("a jump of the speed is not noticed", "trajectory/audit.py",
            "    _audit_changes(path, found)\n", "", RULES),
     Mutant("an arm elsewhere begins a trajectory", "trajectory/build.py",

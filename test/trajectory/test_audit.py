@@ -4,6 +4,7 @@ import pytest
 from plans import HOME, MODEL, REST, START_TOLERANCE, at, build, joints, moving, resting, six, wave
 
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.limits import stream_limits
 from jaka_ros_driver.trajectory.build import MAX_DELAY_S, BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryOfThePast, TrajectoryPoint
 
@@ -12,14 +13,14 @@ AT_REST_AT_1 = (at(1.0, (0.3,), REST),)
 REFUSED = {
     "a point outside the limits": (
         None, [at(4.0, (0.0, 3.5), REST)],
-        r"joint 2 would be at 4\.6\d+ rad after [23]\.\d+ s; valid: -1\.483530 to 4\.625123 rad"),
+        r"joint 2 would be at 4\.6\d+ rad after [23]\.\d+ s; valid: -1\.482530 to 4\.624123 rad"),
     "outside at the other side": (
         None, [at(4.0, (0.0, 0.0, -2.0), REST)],
-        r"joint 3 would be at -3\.0\d+ rad after [23]\.\d+ s; valid: -3\.054326 to 3\.054326 rad"),
+        r"joint 3 would be at -3\.0\d+ rad after [23]\.\d+ s; valid: -3\.053326 to 3\.053326 rad"),
     "overshoot between two points that are inside": (
         resting(0.0, 0.0, 4.4), [at(0.5, (0.0, 0.0, 4.6), (0.0, 0.0, 0.4)), at(1.0, (0.0, 0.0, 4.6), (0.0, 0.0, -0.4)),
                                  at(2.0, (0.0, 0.0, 4.4), REST)],
-        r"joint 3 would be at 3\.05\d+ rad after 0\.[5-9]\d+ s; valid: -3\.054326 to 3\.054326 rad"),
+        r"joint 3 would be at 3\.05\d+ rad after 0\.[5-9]\d+ s; valid: -3\.053326 to 3\.053326 rad"),
     "too fast": (
         None, [at(1.5, (3.5,), REST)], r"joint 1 would run at 3\.\d+ rad/s after 0\.\d+ s; valid: at most 3\.1416"),
     "too fast the other way": (
@@ -47,10 +48,10 @@ REFUSED = {
         moving((0.0,), (1.0,)), [at(1.0, (-0.5,)), at(2.0, (-1.0,), (-0.5,)), at(3.0, (-1.25,), REST)],
         r"the speed of joint 1 would change by -1\.5000 rad/s at once after 0\.000 s, which no joint can"),
     "numbers too large to count with": (
-        None, [at(1.0, (1e38,), REST)], r"joint 1 would be at .* rad after 0\.\d+ s; valid: -6\.283185 to 6\.283185"),
+        None, [at(1.0, (1e38,), REST)], r"joint 1 would be at .* rad after 0\.\d+ s; valid: -6\.282185 to 6\.282185"),
     "velocities too large to count with": (
         None, [at(1.0, (0.1,), (1e38,)), at(2.0, (0.1,), REST)],
-        r"joint 1 would be at .* rad after 0\.\d+ s; valid: -6\.283185 to 6\.283185"),
+        r"joint 1 would be at .* rad after 0\.\d+ s; valid: -6\.282185 to 6\.282185"),
     "points that are too near in time to count with": (
         None, [at(1.0, (0.1,), REST), at(1.0 + 1e-15, (0.2,), REST), at(2.0, (0.2,), REST)],
         r"joint 1 would .* after 1\.000 s; valid: "),
@@ -124,14 +125,14 @@ def test_no_joint_may_run_faster_than_the_ceiling_of_all_models():
         build_path(resting(), JointTrajectory((at(1.5, (0.0, 0.0, 0.0, 0.0, 0.0, 3.5), REST),)), 0.0, fast, OPTIONS)
 
 
-def test_points_on_the_limits_themselves_are_taken():
-    low, high = np.array(MODEL.joint_limits).T
+def test_points_where_streams_end_are_taken_as_they_are():
+    low, high = np.array(stream_limits(MODEL)).T
     for edge in (low, high):
         near = np.clip(edge, *(np.array(HOME) + [[-1.0], [1.0]])) - np.array(HOME)
-        build([at(3.0, tuple(near), REST)])
+        assert build([at(3.0, tuple(near), REST)]).led == ""
     ways = (0.0, high[1] - HOME[1])
     path = build([at(3.0, ways, REST)])
-    assert path.at(path.end).position == pytest.approx(joints(*ways))
+    assert path.at(path.end).position == pytest.approx(joints(*ways)) and path.led == ""
 
 
 @pytest.mark.parametrize("has_acceleration", [False, True])

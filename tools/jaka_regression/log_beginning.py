@@ -1,4 +1,4 @@
-"""The state in which a log begins, for the simulated controller in its replay: joints, frames, terminals."""
+"""The state in which a log begins, for the simulated controller in its replay: joints, frames, terminals, programs."""
 import math
 from dataclasses import replace
 from typing import Any, Dict, List, Mapping, Optional
@@ -18,6 +18,8 @@ _FRAMES, _OVERRIDE = "/tf", "speed_scaling_factor"
 _TOOL = "tool"
 _USER_FRAME = "user_frame_"
 _NO_OFFSET = 1e-9
+_SUFFIXES = (".jks", ".ngc")
+"""Endings that a program's name may have when it is loaded."""
 
 
 def with_beginning(scenario: Scenario, run: Run) -> Scenario:
@@ -42,6 +44,10 @@ def _beginning(run: Run, arm: str, told: Mapping[str, Any]) -> Dict[str, Any]:
     first = _first_messages(run, node)
     if IO_TOPIC in first:
         found["terminals"] = _terminals(first[IO_TOPIC])
+    loaded = [call.request[4:].decode("utf-8", "replace") for call in run.calls
+              if call.success and call.service == node + "/program/load"]
+    if loaded:
+        found["programs"] = sorted({name[:-4] if name.endswith(_SUFFIXES) else name for name in loaded})
     if _OVERRIDE in first:
         found["speed_override"] = min(1.0, max(0.0, float(first[_OVERRIDE]["data"])))
     places = {one["child_frame_id"]: _offset(one["transform"]) for one in first.get(_FRAMES, {}).get("transforms", ())}

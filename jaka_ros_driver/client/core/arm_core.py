@@ -133,6 +133,12 @@ class ArmCore:
         return motion.late_cycles if isinstance(motion, Streaming) else 0
 
     @property
+    def is_stream_moving(self) -> Optional[bool]:
+        """True while this driver's stream moves the arm; None where it has none (``Streaming.is_moving``)."""
+        motion = self.custody.motion
+        return motion.is_moving if isinstance(motion, Streaming) and not self.custody.is_ending else None
+
+    @property
     def trajectory(self) -> Optional[TrajectoryProgress]:
         """The progress of the running trajectory; None without one."""
         motion = self.custody.motion
@@ -311,8 +317,11 @@ class ArmCore:
         self._enter(ServoModeRequest(call, self._arm, now) if active
                     else LeaveServoRequest(call, self._arm, now, self._leave_servo_mode), now)
 
-    def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
+    def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> str:
         """Add one target to the servo stream; no call, because nothing is sent at once.
+
+        Returns:
+            As ``Servo.set_target``.
 
         Raises:
             InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
@@ -324,7 +333,7 @@ class ArmCore:
             raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
                 " (it ended: %s)" % reason if reason else ""))
         limits.check(command, self.model, self.state)
-        running.set_target(command, now)
+        return running.set_target(command, now)
 
     def jog_velocity(self, message: JogMessage, now: float) -> None:
         """Jog at the velocity of one message of a stream, until it is not fresh any more; no call, as nobody waits for
@@ -376,6 +385,8 @@ class ArmCore:
     def follow(self, call: Token, path: Path, start: TrajectoryStart, tolerances: TrajectoryTolerances, stops: int,
                now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
+
+        The answer is ``Path.led``.
 
         ``stops`` as for ``trajectory_start``. Errors as ``move``, and: StartChanged (the arm is not there any more,
         nothing was sent), PathToleranceViolated, GoalToleranceViolated.

@@ -75,6 +75,7 @@ class PointStream(Trajectory):
         super().__init__(custody, model, Goal(None, _UNWATCHED), Path.resting(at), state, on_mode)
         self._model, self._gate = model, gate
         self._newest = first
+        self._was_led = False
         self._clock = self._follower = PointFollower(at, model, state.received_at)
 
     @property
@@ -95,8 +96,10 @@ class PointStream(Trajectory):
         if self.is_leaving:
             raise InvalidCommand("refused: the stream before this point is being ended; send it again")
         if self._is_entered:
-            self._follower.add(point.position, point.due, now)
-            self._end = point.position
+            led = self._follower.add(point.position, point.due, now)
+            if led and not self._was_led:
+                self._custody.actions.log(logging.WARNING, "the stream of points: %s" % led)
+            self._was_led = bool(led)
         else:
             self._newest = point
 

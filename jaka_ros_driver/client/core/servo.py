@@ -1,5 +1,5 @@
 """Servo mode for a client that streams targets; the arm is held before they come, and when they stop."""
-import math
+import logging
 from typing import List, Optional, Union
 
 from jaka_ros_driver.client.core.actions import Token
@@ -40,7 +40,7 @@ class Servo(Streaming):
         self._calls: List[Token] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
-        self._moved_at = -math.inf
+        self._was_led = False
 
     # ---- calls ----
 
@@ -61,8 +61,11 @@ class Servo(Streaming):
         else:
             self._calls.append(call)
 
-    def set_target(self, command: Frame, now: float) -> None:
+    def set_target(self, command: Frame, now: float) -> str:
         """Follow this target from the next cycle on.
+
+        Returns:
+            Which joint is led elsewhere, because its target is too near to a limit, in words; "" for none.
 
         Raises:
             InvalidCommand: It is too far away, outside the limits, or servo mode is not on; nothing moves.
@@ -70,15 +73,20 @@ class Servo(Streaming):
         if self._stream is None or self._leave_reason is not None:
             raise InvalidCommand("refused: servo mode is being %s" % (
                 "entered" if self._leave_reason is None else "left: " + self._leave_reason))
+        led = ""
         if isinstance(command, ServoJoint):
             joints = self._stream if isinstance(self._stream, JointServo) else self._joint_stream_at_rest()
-            joints.set_target(command.joint_position, command.relative)
+            led = joints.set_target(command.joint_position, command.relative)
             self._follow(joints)
         else:
             poses = self._stream if isinstance(self._stream, PoseServo) else self._pose_stream_at_rest()
             poses.set_target(command.target, command.relative)
             self._follow(poses)
         self._last_target_at = now
+        if led and not self._was_led:
+            self._custody.actions.log(logging.WARNING, "servo targets: %s" % led)
+        self._was_led = bool(led)
+        return led
 
     # ---- life ----
 
@@ -99,8 +107,6 @@ class Servo(Streaming):
         timeout = self._custody.settings.servo_timeout
         if now - self._last_target_at > timeout:
             self.leave(None, "no servo target for %.1f s" % timeout)
-        if not self._stream.is_at_rest:
-            self._moved_at = now
         return self._stream.next_frame()
 
     def _sent_point(self) -> Vector:

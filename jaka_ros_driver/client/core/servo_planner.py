@@ -14,7 +14,10 @@ from jaka_ros_driver.kinematics.limits import (
     JOINT_ACCELERATION_CEILING,
     JOINT_SPEED_CEILING,
     TCP_ACCELERATION_CEILING,
+    accepted_limits,
+    led_inside,
     stoppable_speed,
+    stream_limits,
     top_joint_speeds,
 )
 from jaka_ros_driver.kinematics.rotations import (
@@ -117,28 +120,32 @@ class JointServo:
             period: Of a cycle, s.
         """
         self._followers = [_Follower(speed, JOINT_ACCELERATION_CEILING, period) for speed in top_joint_speeds(model)]
-        self._limits = model.joint_limits
+        self._model = model
+        self._limits = stream_limits(model)
         self._max_jump = max_jump
         self._ahead = ahead
         self._cycles = _cycles(ahead, period)
         self._is_new = False
         self._target = self._position = joint_position
 
-    def set_target(self, target: Vector, is_relative: bool) -> None:
+    def set_target(self, target: Vector, is_relative: bool) -> str:
         """Set the target, rad (6,); a relative one counts from the last target.
 
         Distances are measured from the frame that was sent last, not from the last target: targets that come faster
-        than the arm can follow do not add up.
+        than the arm can follow do not add up. A target nearer to a limit than streams go is led to where they end.
+
+        Returns:
+            Which joint is led elsewhere, in words; "" for none.
 
         Raises:
             InvalidCommand: It is outside the joint limits, or too far away; nothing changes.
         """
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
-        for index, (value, (low, high)) in enumerate(zip(goal, self._limits)):
+        for index, (value, (low, high)) in enumerate(zip(goal, accepted_limits(self._model, self._position))):
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
                 raise InvalidCommand("refused: joint %d of the servo target is %.6f rad; valid: %.6f to %.6f rad"
                                      % (index + 1, value, low, high))
-        goal = tuple(min(max(value, low), high) for value, (low, high) in zip(goal, self._limits))
+        goal, led = led_inside(goal, stream_limits(self._model, self._position))
         for index, (value, position, follower) in enumerate(zip(goal, self._position, self._followers)):
             jump = abs(value - position)
             if jump > self._max_jump + _WIRE_ROUNDING:
@@ -149,6 +156,7 @@ class JointServo:
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
         self._target, self._is_new = goal, True
+        return led
 
     @property
     def is_at_rest(self) -> bool:

@@ -1,4 +1,5 @@
 """The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
+import math
 from typing import Any, Callable, Optional, Union
 
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -6,6 +7,7 @@ from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
@@ -29,6 +31,8 @@ _RESTED_WITHIN = 0.02
 It is twice the tolerance of a move's target; a frame that comes late or twice shows a moving arm farther away.
 """
 _NEVER = float("inf")
+_SAME_POINT = 1e-7
+"""Distance, rad or m, of two frames up to which they ask for the same place."""
 
 Frame = Union[ServoJoint, ServoPose]
 OnMode = Callable[[bool, str], None]
@@ -57,6 +61,8 @@ class Streaming(ArmMotion):
         self._on_mode = on_mode
         self._trace = ServoTrace()
         self._next_frame = _NEVER
+        self._point: Vector = ()
+        self._moved_at = -math.inf
         self._leave_reason: Optional[str] = None
         self._confirming: Optional[Running] = None
         self._is_entered = False
@@ -100,6 +106,17 @@ class Streaming(ArmMotion):
     def is_streaming(self) -> bool:
         """True while frames are being sent."""
         return self._next_frame != _NEVER
+
+    @property
+    def is_moving(self) -> Optional[bool]:
+        """True while the stream moves the arm; None while no frames are sent.
+
+        It does from the first frame that leads elsewhere until the arm is seen at rest after the last such frame: what
+        the controller says of itself between two frames depends on when it got them.
+        """
+        if not self.is_streaming:
+            return None
+        return self._moved_at > -math.inf and self._custody.rest_since(self._moved_at) < REST_TIME_S
 
     def begin(self, now: float) -> None:
         self._confirming = Running(_entered(), self._custody.channel, self._enter_ended)
@@ -196,7 +213,10 @@ class Streaming(ArmMotion):
 
     def _send_frame(self, now: float) -> None:
         frame = self._frame(now)
-        self._trace.sent(self._sent_point(), now)
+        before, self._point = self._point, self._sent_point()
+        if len(before) == len(self._point) and math.dist(before, self._point) > _SAME_POINT:
+            self._moved_at = now
+        self._trace.sent(self._point, now)
         self._next_frame += SERVO_PERIOD_S
         late = now - self._next_frame
         if late > 0.0:

@@ -103,7 +103,8 @@ class Trajectory(Streaming):
 
     def __init__(self, custody: Custody, model: ArmModel, goal: Goal, path: Path, state: RobotState,
                  on_mode: OnMode) -> None:
-        """Set up the motion; the goal is answered when the arm rests at the path's end, and servo mode is left.
+        """Set up the motion; the goal is answered with ``Path.led`` when the arm rests at the path's end, and servo
+        mode is left.
 
         Args:
             custody: Of this motion.
@@ -318,7 +319,7 @@ class Trajectory(Streaming):
 
     def _answer(self, error: Optional[JakaError]) -> None:
         goal, self._goal = self._goal, self._goal._replace(call=None)
-        self._custody.actions.answer(goal.call, None, error)
+        self._custody.actions.answer(goal.call, self._path_clock.path.led, error)
 
 
 def start_at_rest(state: RobotState) -> TrajectoryStart:

@@ -5,6 +5,7 @@ from typing import Any, Callable, Dict, Mapping, Sequence, Tuple, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Terminal, ToolPayload
@@ -71,8 +72,7 @@ class ServiceHandlers:
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> ServiceOutcome:
         """Serve servo_j and servo_p: add one target."""
-        self._arm.servo_target(command)
-        return ServiceOutcome("accepted")
+        return _with("accepted", self._arm.servo_target(command))
 
     def stop(self, _: None) -> ServiceOutcome:
         """Serve stop_move: the stop is sent at once, whatever other calls are running."""
@@ -137,14 +137,14 @@ class ServiceHandlers:
 
     def clear_error(self, _: None) -> ServiceOutcome:
         """Serve clear_err: clear what can be cleared, and report what is still missing before the arm can move."""
-        missing = self._arm.run(power.clear_error)
+        cleared, missing = self._arm.run(power.clear_error)
         if not missing:
-            return ServiceOutcome("alarms cleared; the arm is ready")
+            return ServiceOutcome("%s; the arm is ready" % cleared)
         state = self._arm.fresh_state()
         if state.emergency_stop:
             return ServiceOutcome(
                 "the emergency stop stands; to move the arm: %s" % ", ".join(missing), is_success=False)
-        return ServiceOutcome("alarms cleared; to move the arm: %s" % ", ".join(missing))
+        return ServiceOutcome("%s; to move the arm: %s" % (cleared, ", ".join(missing)))
 
     def recover(self, _: None) -> ServiceOutcome:
         """Serve recover: clear, power and enable what needs it; return when the arm can be moved."""
@@ -184,18 +184,18 @@ class ServiceHandlers:
 
     def stop_program(self, _: None) -> ServiceOutcome:
         """Serve program/stop: stop as stop_move does; return when no program is seen running and the arm rests."""
+        owner = self._arm.motion_owner
         self._arm.stop()
-        return ServiceOutcome(self._arm.run(programs.see_stopped))
+        return _with(self._arm.run(programs.see_stopped),
+                     "" if owner is None or owner is MotionOwner.PROGRAM else "%s was stopped" % owner.value)
 
     def power(self, on: bool) -> ServiceOutcome:
         """Serve power: switch the power of the drives; return when the arm reports it."""
-        self._arm.run(lambda core: power.set_power(core, on))
-        return ServiceOutcome("power on" if on else "power off")
+        return _with("power on" if on else "power off", self._arm.run(lambda core: power.set_power(core, on)))
 
     def enable(self, on: bool) -> ServiceOutcome:
         """Serve enable: release or engage the brakes; return when the arm reports it."""
-        self._arm.run(lambda core: power.set_enabled(core, on))
-        return ServiceOutcome("enabled" if on else "disabled")
+        return _with("enabled" if on else "disabled", self._arm.run(lambda core: power.set_enabled(core, on)))
 
     def forward(self, command: c.ForwardKinematics) -> ServiceOutcome:
         """Serve get_fk: the controller computes it, with its active tool and user frame."""
@@ -204,6 +204,11 @@ class ServiceHandlers:
     def inverse(self, command: c.InverseKinematics) -> ServiceOutcome:
         """Serve get_ik: the controller computes it, with its active tool and user frame."""
         return ServiceOutcome("solution nearest to the reference", self._arm.execute(command))
+
+
+def _with(text: str, besides: str) -> ServiceOutcome:
+    """Return the outcome with what else was done, "" for nothing."""
+    return ServiceOutcome("%s; %s" % (text, besides) if besides else text)
 
 
 def _bank_values(state: RobotState, terminal: Terminal) -> Union[Sequence[float], None]:

@@ -112,7 +112,7 @@ class PathAction:
             progress = self._arm.path
             if progress is not None and progress.call is done:
                 handle.publish_feedback(messages.MovePathFeedback(
-                    segment=progress.completed, fraction=progress.fraction, paused=progress.is_paused))
+                    segment=progress.segment, fraction=progress.fraction, paused=progress.is_paused))
 
     def _accept(self, handle: ServerGoalHandle, goal: _Goal) -> None:
         """Accept a goal that is still pending.

@@ -174,16 +174,16 @@ class Diagnostics:
         status.add("last damage", health.last_damage)
 
     def _state(self, status: DiagnosticStatusWrapper, state: RobotState) -> None:
-        missing = missing_for_motion(state)
+        missing, motion = missing_for_motion(state), state.shown_motion_state(self._arm.is_stream_moving)
         if state.has_fault:
             status.summary(ERROR, "event 0x%X %s" % (state.error_code, state.error_message))
         elif missing:
             status.summary(WARN, "cannot move; to do: " + ", ".join(missing))
         else:
-            status.summary(OK, state.motion_state.name.lower().replace("_", " "))
+            status.summary(OK, motion.name.lower().replace("_", " "))
         status.add("powered", str(state.is_powered))
         status.add("enabled", str(state.is_enabled))
-        status.add("motion state", state.motion_state.name.lower())
+        status.add("motion state", motion.name.lower())
         status.add("servo mode", str(self._arm.is_servo_active))
         owner = self._arm.motion_owner
         status.add("motion owner", owner.value if owner is not None else "nobody")

@@ -38,6 +38,7 @@ class Sample(NamedTuple):
     state: RobotState
     stamp: rospy.Time
     is_servo_active: bool
+    is_stream_moving: bool
 
 
 class FrameNames:
@@ -115,7 +116,7 @@ class StatePublishers(LoopTask):
         if not is_new or not self._thinner.takes(state.received_at):
             return
         stamp = self.stamps.of(state)
-        sample = Sample(state, stamp, self._arm.is_servo_active)
+        sample = Sample(state, stamp, self._arm.is_servo_active, self._arm.is_stream_moving)
         self._newest = sample
         self._publish(sample)
         self._repeater.arrived(state.received_at)
@@ -140,7 +141,8 @@ class StatePublishers(LoopTask):
         if self._joint_position.get_num_connections():
             self._joint_position.publish(convert.joint_position(state, stamp, JOINTS, state.joint_velocity))
         if self._robot_states is not None and self._robot_states.get_num_connections():
-            self._robot_states.publish(convert.robot_states(state, sample.is_servo_active, self._config.is_vendor))
+            self._robot_states.publish(convert.robot_states(state, sample.is_servo_active, self._config.is_vendor,
+                                                            sample.is_stream_moving))
 
     def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
         names = self._names

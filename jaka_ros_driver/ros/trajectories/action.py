@@ -64,7 +64,7 @@ class _Goal:
     def __init__(self, stops: int) -> None:
         self.stops = stops
         self.is_cancelled = False
-        self.done: Optional[Future[None]] = None
+        self.done: Optional[Future[str]] = None
 
 
 class TrajectoryAction:
@@ -148,20 +148,21 @@ class TrajectoryAction:
 
     # ---- in the goal's own thread ----
 
-    def _watch(self, handle: ServerGoalHandle, done: "Optional[Future[None]]") -> None:
+    def _watch(self, handle: ServerGoalHandle, done: "Optional[Future[str]]") -> None:
         with self._count.one():
             if done is None:
                 self._hold(handle)
             while done is not None:
                 try:
-                    done.result(_FEEDBACK_PERIOD_S)
+                    led = done.result(_FEEDBACK_PERIOD_S)
                 except StillRunning:
                     self._publish_feedback(handle, done)
                     continue
                 except JakaError as error:
                     self._ended_with(handle, error)
                     return
-                self._end(handle, handle.set_succeeded, SUCCESSFUL, "the arm rests at the last point")
+                self._end(handle, handle.set_succeeded, SUCCESSFUL, "the arm rests at the last point" + (
+                    "; " + led if led else ""))
                 return
 
     def _hold(self, handle: ServerGoalHandle) -> None:
@@ -177,7 +178,7 @@ class TrajectoryAction:
         else:
             self._end(handle, handle.set_aborted, PATH_TOLERANCE_VIOLATED, "the arm was not seen at rest")
 
-    def _publish_feedback(self, handle: ServerGoalHandle, done: "Future[None]") -> None:
+    def _publish_feedback(self, handle: ServerGoalHandle, done: "Future[str]") -> None:
         progress, state = self._arm.trajectory, self._arm.state
         if progress is not None and progress.call is done and state is not None:
             handle.publish_feedback(fill_states(

@@ -2,7 +2,7 @@
 import enum
 import math
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional, Tuple
+from typing import Deque, List, NamedTuple, Optional
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
@@ -72,7 +72,7 @@ class ServoStream:
         self._coast: Optional[Coast] = None
         self._dry_for: Optional[float] = None
         self.has_failed = False
-        self._clamped: Optional[Tuple[int, bool]] = None
+        self._clamped = frames.joint_on_limit(joints)  # where the stream begins it has not driven the arm
 
     @property
     def is_idle(self) -> bool:

@@ -1,4 +1,4 @@
-"""The state that a simulated controller begins with: joints, tool, user frame, load, terminals, as a file has them."""
+"""The state that a simulated controller begins with: joints, frames, load, terminals, programs, as a file has them."""
 import math
 from typing import Any, Dict, Mapping, Sequence, Tuple
 
@@ -11,7 +11,7 @@ from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Payload, S
 from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.state import Vector
 
-_KEYS = ("joints", "tool", "user_frame", "payload", "collision_level", "speed_override", "terminals")
+_KEYS = ("joints", "tool", "user_frame", "payload", "collision_level", "speed_override", "terminals", "programs")
 _SIDES = {"digital_inputs": ("digital", False), "digital_outputs": ("digital", True),
           "analog_inputs": ("analog", False), "analog_outputs": ("analog", True)}
 
@@ -22,7 +22,7 @@ class Beginning:
     Keys: ``joints`` rad (6,); ``tool``, ``user_frame``: ``id`` 0 to 15 and ``offset`` (6,), m and rpy rad, in the
     flange and in the base; ``payload``: ``mass`` kg, ``centroid`` m (3,); ``collision_level`` 0 to 5;
     ``speed_override`` 0 to 1; ``terminals``: by bank (cabinet, tool, ...), by side (digital_inputs, ...), values by
-    index from 0.
+    index from 0; ``programs``: names that are stored beside the usual ones, without suffix.
 
     Args:
         values: The keys told, with their values.
@@ -44,6 +44,7 @@ class Beginning:
         self._speed_override = None if "speed_override" not in values else _number(
             values["speed_override"], 0.0, 1.0, "speed_override")
         self._terminals = _terminals(values.get("terminals", {}))
+        self._programs = _names(values.get("programs", ()), "programs")
 
     @classmethod
     def from_file(cls, path: str) -> "Beginning":
@@ -76,6 +77,7 @@ class Beginning:
             if key in self._frames:
                 _store(table, *self._frames[key])
         state.apply_frames()
+        state.memory.programs += self._programs
         if self._payload is not None:
             state.memory.payload = self._payload
         if self._collision_level is not None:
@@ -112,6 +114,12 @@ def _numbers(values: Any, count: int, what: str) -> Vector:
     if not isinstance(values, (list, tuple)) or len(values) != count:
         raise InvalidCommand("%s is %r; it must be %d numbers" % (what, values, count))
     return tuple(_number(value, -1e4, 1e4, what) for value in values)
+
+
+def _names(values: Any, what: str) -> Tuple[str, ...]:
+    if not isinstance(values, (list, tuple)) or not all(isinstance(value, str) and value for value in values):
+        raise InvalidCommand("%s is %r; it must be a list of names" % (what, values))
+    return tuple(values)
 
 
 def _frame(value: Any, what: str) -> Tuple[int, Pose]:

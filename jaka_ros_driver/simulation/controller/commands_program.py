@@ -15,8 +15,10 @@ _PORTS, _FIELDS, _DELAY = "PORTCONFIG", "ATTROPTIONALDATA", "port10000_delay_ms"
 
 
 def _load(state: ControllerState, arguments: Arguments) -> None:
+    """Load a stored program; of one that is not stored, no source has a real controller's reply."""
     name = arguments.text("programName")
-    if not name or state.program_state is not ProgramState.IDLE:
+    stem = name[:-4] if name.endswith((".ngc", ".jks")) else name
+    if stem not in state.memory.programs or state.program_state is not ProgramState.IDLE:
         raise CommandRefused()
     state.memory.program_name = name
 

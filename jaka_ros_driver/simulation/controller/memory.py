@@ -46,6 +46,7 @@ class Memory:
         installation_angles: About x and z, deg.
         feed_period_ms: Period of the status feed after a start; None for the one before anything was stored.
         field_switches: Names of feed fields, False where the field is switched off.
+        programs: Names of the stored programs, without suffix.
         program_name: The loaded program.
         variables: User-defined variables: (id, alias, value).
         signals: RS-485 signals by name: ``chnId``, ``sigType``, ``sigAddr``, ``frequency``.
@@ -60,6 +61,7 @@ class Memory:
     installation_angles: Tuple[float, float] = (0.0, 0.0)
     feed_period_ms: Optional[int] = None
     field_switches: Dict[str, bool] = field(default_factory=dict)
+    programs: Tuple[str, ...] = ("abc", "paint", "weld")
     program_name: str = ""
     variables: Dict[int, Tuple[str, Any]] = field(default_factory=dict)
     signals: Dict[str, Dict[str, int]] = field(default_factory=dict)

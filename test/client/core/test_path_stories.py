@@ -71,7 +71,9 @@ def test_it_is_sent_in_order_after_its_audit_and_answered_at_rest_at_its_end():
     for number, (x, y) in enumerate(CORNERS[:3]):
         story.glide(x, y)
         assert story.progress == (number + 1, round(0.25 * (number + 1), 1))
+        assert story.core.path.segment == number + 1
     assert story.glide(*CORNERS[3]).error("path") == "pending"
+    assert story.core.path.completed == 4 and story.core.path.segment == 3, "there are segments 0 to 3"
     story.run(0.5)
     assert story.error("path") is None and story.core.is_free and story.told == [True, False]
     assert story.answers["path"][1].completed == 4 and story.answers["path"][1].fraction == 1.0

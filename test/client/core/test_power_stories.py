@@ -59,7 +59,7 @@ def test_clearing_tells_what_is_still_missing():
     story = asked(power.clear_error, errcode="0xf0034", **OFF)
     story.fields["errcode"] = "0x0"
     story.run(0.05)
-    assert story.answers["call"][1:] == (["power", "enable"], None)
+    assert story.answers["call"][1:] == (("alarms cleared", ["power", "enable"]), None)
 
 
 @pytest.mark.parametrize("illness", [{"emergency_stop": 1}, {"protective_stop": 1}, {"errcode": "0xf0034"}])

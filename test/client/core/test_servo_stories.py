@@ -7,6 +7,7 @@ from stories import HOME, PERIOD, Story
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.commands import ServoJoint
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
+from jaka_ros_driver.state import MotionState
 
 
 def streaming(**settings):
@@ -34,6 +35,32 @@ def test_the_stream_begins_where_the_arm_is_with_one_frame_a_cycle():
     for frame in frames(story):
         assert frame == pytest.approx([math.degrees(q) for q in HOME], abs=1e-9)
     assert without_stop(story)
+
+
+@pytest.mark.parametrize("period", [1, 4, 8])
+def test_a_steady_stream_moves_until_the_arm_rests_whatever_the_controller_says_between_its_frames(period):
+    """Stream 0.05 rad/s with a target every ``period`` cycles, to a controller that is in position now and then."""
+    story, seen = streaming(), []
+
+    def shown():
+        is_moving = story.core.is_stream_moving
+        return is_moving, story.core.state.shown_motion_state(is_moving)
+    assert shown() == (False, MotionState.STOPPED)
+    for cycle in range(250):
+        if cycle % period == 0:
+            target = HOME[0] + 0.05 * PERIOD * (cycle + period)
+            story.core.set_servo_target(ServoJoint((target,) + HOME[1:]), story.now)
+        story.run(PERIOD, move=target, speed=0.1, inpos=cycle % 3 != 0)
+        seen.append(shown())
+    assert set(seen[2:]) == {(True, MotionState.RUNNING)}
+    for _ in range(40):
+        story.run(PERIOD, inpos=story.now % 0.024 > 0.01)
+        seen.append(shown())
+    assert seen[-1] == (False, MotionState.STOPPED), "a held stream is at rest"
+    assert sum(one != other for one, other in zip(seen[2:], seen[3:])) == 1, "it ends once"
+    story.core.stop("stop", story.now)
+    story.run(0.2)
+    assert story.core.is_stream_moving is None
 
 
 @pytest.mark.parametrize("away, begins_at", [(0.01, 0.01), (0.2, 0.0)])

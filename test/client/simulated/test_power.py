@@ -35,11 +35,11 @@ def has_asked_for_power(arm):
 
 
 def set_power(arm, on):
-    arm.does(lambda core: power.set_power(core, on))
+    return arm.does(lambda core: power.set_power(core, on))
 
 
 def set_enabled(arm, on):
-    arm.does(lambda core: power.set_enabled(core, on))
+    return arm.does(lambda core: power.set_enabled(core, on))
 
 
 def clear_error(arm):
@@ -53,10 +53,10 @@ def test_power_and_enable_return_when_the_arm_reports_it():
     assert arm.state.is_powered
     set_enabled(arm, True)
     assert arm.state.is_enabled and power.missing_for_motion(arm.state) == []
-    set_power(arm, True)
-    set_enabled(arm, True)
-    set_power(arm, False)
+    assert set_power(arm, True) == set_enabled(arm, True) == ""
+    assert set_power(arm, False) == "the drives were disabled"
     assert not arm.state.is_powered and not arm.state.is_enabled
+    assert set_power(arm, False) == ""
 
 
 def test_enabling_without_power_is_refused():
@@ -106,7 +106,7 @@ def test_who_waits_for_power_at_shutdown_is_told():
 def test_disabling_stops_the_arm_first():
     arm = simulated()
     in_mid_move(arm)
-    set_enabled(arm, False)
+    assert set_enabled(arm, False) == "all motion was stopped"
     assert not arm.state.is_enabled and not arm.is_moving
     assert arm.times_of("stop_program")[0] < arm.times_of("disable_robot")[0]
 
@@ -118,10 +118,10 @@ def test_the_way_back_after_an_emergency_stop():
     for act in (set_power, set_enabled):
         with pytest.raises(InvalidCommand, match="emergency stop is pressed"):
             act(arm, True)
-    assert clear_error(arm)[0] == "release the emergency stop"
+    assert clear_error(arm)[1][0] == "release the emergency stop"
     arm.controller.state.release_emergency_stop()
     arm.until(lambda: not arm.state.emergency_stop)
-    assert clear_error(arm) == ["power", "enable"]
+    assert clear_error(arm) == ("alarms cleared", ["power", "enable"])
     set_power(arm, True)
     set_enabled(arm, True)
     moved(arm, 0.05)
@@ -135,7 +135,8 @@ def test_the_way_back_after_a_protective_stop():
     arm.until(lambda: arm.state.protective_stop)
     with pytest.raises(InvalidCommand, match="clear_err first"):
         set_enabled(arm, True)
-    missing = clear_error(arm)
+    cleared, missing = clear_error(arm)
+    assert cleared == "alarms cleared, protective stop left"
     if missing:
         set_enabled(arm, True)
     moved(arm, 0.5)

@@ -41,7 +41,11 @@ def jogged(arm):
 
 def test_tool_and_user_frames_are_stored_read_back_and_active():
     arm = simulated()
+    assert settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "gripper"), True) == (
+        "tool 2 set and active; the active tool is now 2, and was 0")
     assert settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "gripper"), True) == "tool 2 set and active"
+    assert settings.set_user_frame(arm, c.SetUserFrame(3, POSE, "table"), True) == (
+        "user frame 3 set and active; the active user frame is now 3, and was 0")
     assert settings.set_user_frame(arm, c.SetUserFrame(3, POSE, "table"), True) == "user frame 3 set and active"
     assert (arm.state.tool_id, arm.state.user_frame_id) == (2, 3)
     assert settings.set_tool_frame(arm, c.SetToolFrame(4, POSE, "other"), False) == "tool 4 set"
@@ -50,7 +54,10 @@ def test_tool_and_user_frames_are_stored_read_back_and_active():
 
 def test_payload_and_collision_level_are_read_back():
     arm = simulated()
-    assert settings.set_payload(arm, 1, c.SetPayload(1.5, (0.0, 0.0, 0.05))) == "payload of tool 1 set: 1.5 kg"
+    load = c.SetPayload(1.5, (0.0, 0.0, 0.05))
+    assert settings.set_payload(arm, 1, load) == (
+        "payload of tool 1 set: 1.5 kg; the active tool is now 1, and was 0")
+    assert settings.set_payload(arm, 1, load) == "payload of tool 1 set: 1.5 kg"
     assert settings.set_collision_level(arm, 4) == "collision level 4"
     assert settings.set_collision_level(arm, 0) == "collision detection off"
     assert arm.controller.state.memory.payload.mass == 1.5 and arm.controller.state.memory.collision_level == 0
@@ -248,7 +255,7 @@ def test_what_the_feed_does_not_tell_is_not_said_to_be_set(field, act):
     arm = simulated()
     arm.show(drop=(field,))
     arm.until(lambda: None in (arm.state.tool_id, arm.state.user_frame_id))
-    assert act(arm).endswith(settings.NOT_VERIFIED)
+    assert settings.NOT_VERIFIED + "; the active" in act(arm)
 
 
 def test_hand_guiding_that_the_feed_does_not_tell_is_asked_for_and_excludes_motion():

@@ -17,6 +17,7 @@ from verdict import RuleBroken, Verdicts
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, deg_to_rad, mm_to_m
@@ -95,6 +96,7 @@ class SentRules:
         self._auto_acts = False
         self._servo_call = 0
         self._frame: Optional[Tuple[float, ...]] = None
+        self._began: Tuple[float, ...] = ()
         self._kind = ""
         self._target: Any = None
         self._is_target_known = True
@@ -214,7 +216,7 @@ class SentRules:
             self._wished(name, now, lambda call: call.kind == "program" and call.command == "play")
             return
         if name == "joint_move":
-            self._within_limits(name, all_deg_to_rad(request["jointPosition"]), now)
+            self._within(self._model.joint_limits, name, all_deg_to_rad(request["jointPosition"]), now)
         path = sent_for_path(name, request, list(self.open_calls.values()), self.last_stop, now)
         if path is not None:
             self.last_motion = path.number
@@ -261,8 +263,8 @@ class SentRules:
                 return call
         raise RuleBroken("b", now, "%s is sent, and no call that is not answered yet asks for it" % name)
 
-    def _within_limits(self, name: str, joints: Sequence[float], now: float) -> None:
-        for index, (value, (low, high)) in enumerate(zip(joints, self._model.joint_limits)):
+    def _within(self, ranges: limits.JointRanges, name: str, joints: Sequence[float], now: float) -> None:
+        for index, (value, (low, high)) in enumerate(zip(joints, ranges)):
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
                 check = self._room.feed.blindness() if name in STREAMED else ""
                 self._verdicts.breaks(check, "f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
@@ -302,8 +304,12 @@ class SentRules:
                 len(self._frames_at), now - self._frames_at[0]))
 
     def _joint_frame(self, joints: Tuple[float, ...], cycles: int, now: float) -> None:
-        self._within_limits("servo_j", joints, now)
         before = self._frame if self._kind == "servo_j" else None
+        if before is None:
+            self._began = joints
+        # joints may stand beyond the range of streams where one begins
+        self._within(self._model.joint_limits if self.jog.is_running else limits.stream_limits(
+            self._model, self._began), "servo_j", joints, now)
         if before is None:
             measured = self._room.controller.state.plant.joint_position
             if not _near(measured, joints, FIRST_FRAME_NEAR):
@@ -317,18 +323,22 @@ class SentRules:
                     index + 1, new - old, cycles))
 
     def _next_target(self, command: Any) -> Any:
-        """Return the client's newest target as an absolute one; None where that is not known.
+        """Return the client's newest target as an absolute one, led inside as streams do; None where that is not known.
 
         It is not known for a relative one that comes before the first frame, nor for those that follow it.
         """
         if isinstance(command, c.ServoPose):
             return None if command.relative else command.target
         if not command.relative:
-            return command.joint_position
+            return self._led(command.joint_position)
         if not self._is_target_known:
             return None
         start = self._target if isinstance(self._target, tuple) else (self._frame if self._kind == "servo_j" else None)
-        return None if start is None else tuple([a + b for a, b in zip(start, command.joint_position)])
+        return None if start is None else self._led(tuple([a + b for a, b in zip(start, command.joint_position)]))
+
+    def _led(self, target: Tuple[float, ...]) -> Tuple[float, ...]:
+        at = self._frame if self._kind == "servo_j" else self._room.controller.state.plant.joint_position
+        return limits.led_inside(target, limits.stream_limits(self._model, at))[0]
 
     def _rests_on_target(self, name: str, values: Tuple[float, ...], now: float) -> None:
         """Judge that the stream repeats only its last target once that is old enough.

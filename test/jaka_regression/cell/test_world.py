@@ -1,5 +1,6 @@
 """The world of a golden log as events after their causes, and the file that has them."""
 import dataclasses
+import struct
 
 import pytest
 from import_graph import ROOT
@@ -85,6 +86,19 @@ def test_the_people_of_the_golden_logs_are_found(name, doings, delays):
     begun = with_beginning(scenario_of(path), load_run(path))
     assert len(motions) >= 2 and [arm.namespace for arm in begun.arms if "joints" in dict(arm.state)] == arms
     assert bool(history.notes) == (name == "collision")
+
+
+def test_the_programs_that_a_log_loads_are_stored_when_it_begins():
+    path = GOLDEN / "joint_moves.mcap"
+    run = load_run(path)
+
+    def loads(name, success=True):
+        return run.calls[0]._replace(service="/jaka_driver/program/load", success=success,
+                                     request=struct.pack("<I", len(name)) + name.encode())
+    calls = (*run.calls, loads("pick.jks"), loads("no_such", success=False), loads("pick"), loads("a b.ngc"))
+    begun = with_beginning(scenario_of(path), dataclasses.replace(run, calls=calls))
+    assert dict(begun.arms[0].state)["programs"] == ["a b", "pick"]
+    assert "programs" not in dict(with_beginning(scenario_of(path), run).arms[0].state)
 
 
 def test_a_log_without_calls_and_terminals_has_no_events(tmp_path):

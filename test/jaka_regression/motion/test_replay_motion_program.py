@@ -8,6 +8,7 @@ from motion_logs import JOINTS, log_of, session, with_parameters
 from jaka_bag.cli.main import main
 from jaka_regression.motion.limits import UnknownLimits, limits_from_urdf, same_model
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.limits import stream_limits
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
 
 
@@ -84,7 +85,7 @@ def test_help_has_two_examples(capsys):
 def test_limits_are_those_of_the_urdf():
     limits = limits_from_urdf(urdf_from_model(load_model("zu7"), "left_"), JOINTS)
     model = load_model("zu7")
-    assert limits.model == "zu7" and list(limits.low) == [low for low, _ in model.joint_limits]
+    assert limits.model == "zu7" and list(limits.low) == [low for low, _ in stream_limits(model)]
     assert (limits.speed <= 3.1416).all() and limits.acceleration[0] == pytest.approx(12.566, abs=1e-3)
 
 

@@ -103,17 +103,17 @@ def ended(handle):
 def test_a_path_that_arrives_succeeds_with_the_way_it_came(goal):
     arm, handle, _ = goal
     arm.on_begun()
-    arm.path = PathProgress(arm.done, 1, 0.5)
+    arm.path = PathProgress(arm.done, 1, 2, 0.5)
     assert eventually(lambda: handle.feedback)
     assert (handle.feedback[0].segment, handle.feedback[0].fraction) == (1, 0.5)
-    arm.done.set_result(PathProgress(arm.done, 2, 1.0))
+    arm.done.set_result(PathProgress(arm.done, 2, 2, 1.0))
     assert ended(handle) == ("succeeded", True, 2) and handle.ends[0][1].fraction == 1.0
 
 
 def test_a_path_that_is_over_before_anybody_looks_has_an_end_too(goal):
     arm, handle, _ = goal
     arm.on_begun()
-    arm.done.set_result(PathProgress(arm.done, 2, 1.0))
+    arm.done.set_result(PathProgress(arm.done, 2, 2, 1.0))
     assert ended(handle) == ("succeeded", True, 2)
 
 
@@ -132,7 +132,7 @@ def test_a_cancel_that_comes_between_the_audit_and_the_first_segment_is_made_goo
 def test_a_path_that_nobody_cancels_is_not_cancelled(goal):
     arm, handle, action = goal
     arm.on_begun()
-    arm.path = PathProgress(arm.done, 0, 0.5)
+    arm.path = PathProgress(arm.done, 0, 2, 0.5)
     assert eventually(lambda: len(handle.feedback) > 1)
     action._cancel(Handle("another"))
     assert not arm.is_cancelled() and arm.cancels == []
@@ -155,8 +155,8 @@ def test_the_end_says_whether_it_was_begun_and_how_far_it_came(goal, error, is_b
 
 def test_a_path_of_somebody_else_is_not_told_as_this_ones_progress(goal):
     arm, handle, _ = goal
-    arm.path = PathProgress(Future(), 1, 0.5)
+    arm.path = PathProgress(Future(), 1, 2, 0.5)
     arm.on_begun()
     assert eventually(lambda: handle.status == GoalStatus.ACTIVE)
-    arm.done.set_result(PathProgress(arm.done, 2, 1.0))
+    arm.done.set_result(PathProgress(arm.done, 2, 2, 1.0))
     assert ended(handle)[0] == "succeeded" and not handle.feedback

@@ -2,6 +2,7 @@
 import math
 import re
 import struct
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -380,6 +381,11 @@ def test_robot_states():
     assert convert.robot_states(collided, True, True).servo_state == 0
     assert convert.robot_states(STATE, False, True).servo_state == 1
     assert convert.robot_states(STATE, False, False).servo_state == 0
+    assert convert.robot_states(collided, True, False, True).motion_state == 4, "an alarm is shown whatever streams"
+    for is_in_position in (True, False):
+        shown = replace(STATE, is_in_position=is_in_position)
+        assert [convert.robot_states(shown, True, False, moves).motion_state for moves in (True, False, None)] == [
+            3, 0, 0 if is_in_position else 3]
 
 
 @given(st.tuples(*[st.floats(-3.1, 3.1)] * 3))

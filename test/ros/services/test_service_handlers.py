@@ -103,9 +103,9 @@ def test_with_the_makers_interface_of_2025_the_controller_is_asked_by_the_same_i
 
 def test_clearing_succeeds_unless_the_emergency_stop_stands_and_tells_what_is_missing(arm):
     clear = handlers(arm).clear_error
-    arm.result = []
+    arm.result = "alarms cleared", []
     assert clear(None).is_success and "ready" in clear(None).message
-    arm.result = ["power", "enable"]
+    arm.result = "alarms cleared", ["power", "enable"]
     assert clear(None).is_success and clear(None).message.endswith("power, enable")
     arm.state = RobotState((0.0,) * 6, False, False, True, True, False)
     assert not clear(None).is_success and "emergency stop" in clear(None).message

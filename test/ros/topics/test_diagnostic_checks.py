@@ -47,7 +47,8 @@ class Bench:
         self.audit = Health("", 0, 0, 7, ChainLink(7, "ab"))
         self.arm = SimpleNamespace(
             fresh_state=self.fresh_state, state=STATE, is_simulated=False, is_servo_active=False, late_servo_cycles=0,
-            motion_owner=None, foreign_motion="", jogged_by="", last_jog_end="", model=load_model("zu7"),
+            is_stream_moving=None, motion_owner=None, foreign_motion="", jogged_by="", last_jog_end="",
+            model=load_model("zu7"),
             guard=SimpleNamespace(health=lambda: self.guard),
             link_health=SimpleNamespace(command_is_up=True, status_is_up=True, connections=1, last_error="",
                                         damaged_replies=0, version="1.5", feed_period=0.008),

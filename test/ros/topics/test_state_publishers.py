@@ -50,7 +50,8 @@ class Bench:
         monkeypatch.setattr(state_publishers, "ros_clock", lambda: lambda: 10 ** 18)
         self.arm = SimpleNamespace(
             settings=SimpleNamespace(feed_period=0.008), model=load_model("zu7"), is_servo_active=False,
-            link_health=SimpleNamespace(status_is_up=True), add_listener=self._listen, add_task=lambda task: None)
+            is_stream_moving=None, link_health=SimpleNamespace(status_is_up=True),
+            add_listener=self._listen, add_task=lambda task: None)
         frames = SimpleNamespace(flange_t_tool=lambda state: IDENTITY, base_t_user=lambda state: IDENTITY)
         self.publishers = state_publishers.StatePublishers(self.arm, DriverConfig(**parameters), frames)
         self.publishers.start()

@@ -46,6 +46,10 @@ def test_the_pose_of_the_tool_is_that_of_the_frames_told():
     assert math.dist(bare.plant.tcp_pose().position, in_user.plant.tcp_pose().position) > 0.1
 
 
+def test_programs_that_are_told_are_stored_beside_the_usual_ones():
+    assert set(state_of({"programs": ["pick"]}).memory.programs) == {*state_of({}).memory.programs, "pick"}
+
+
 def test_what_is_not_told_is_as_after_a_start():
     one = state_of({})
     with contextlib.closing(SimulatedController()) as made:
@@ -66,6 +70,7 @@ def test_what_is_not_told_is_as_after_a_start():
     ({"tool": {"id": 0, "offset": [1.0] * 6}}, "id 0 is fixed"),
     ({"tool": {"id": 1, "offset": [0, 0, 0, 180, 0, 0]}}, "its angles are rad"),
     ({"payload": {"mass": -1}}, "payload.mass"),
+    ({"programs": "pick"}, "a list of names"), ({"programs": [1]}, "a list of names"),
     ({"collision_level": 6}, "collision_level is 6"),
     ({"speed_override": 50}, "speed_override is 50"),
     ({"terminals": {"cabinets": {}}}, "'cabinets' is not known"),

@@ -151,7 +151,8 @@ REFUSED = [
     ("set_analog_output", {"type": 3, "index": 0, "value": 1.0}),
     ("set_analog_output", {"type": 0, "index": 0, "value": 1e9}),
     ("get_digital_input", {"type": 3, "index": 0}), ("get_analog_input", {"type": 0, "index": 64}),
-    ("load_program", {"programName": ""}), ("play_program", {}), ("set_motion_planner", {"type": 4}),
+    ("load_program", {"programName": ""}), ("load_program", {"programName": "no_such"}),
+    ("play_program", {}), ("set_motion_planner", {"type": 4}),
     ("set_port10000_delay_ms", {"port10000_delay_ms": 0}), ("set_port10000_delay_ms", {"port10000_delay_ms": 10 ** 9}),
     ("setOptionalInfoConfig", {"section": "X", "key": "y", "value": 1}),
     ("setOptionalInfoConfig", {"section": "ATTROPTIONALDATA", "key": "len", "value": 0}),
@@ -356,6 +357,13 @@ def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm, firmware):
         assert client.ask("get_data").get("tio_rs_signals") == (signals() if firmware == "1.7" else None)
         assert client.code("del_tio_rs_signal", tio_signal_name="s1") == "0"
         assert signals() == []
+
+
+def test_a_program_that_is_not_stored_is_refused_and_the_loaded_one_stays(client):
+    assert client.code("load_program", programName="weld.jks") == client.code("load_program", programName="weld") == "0"
+    refused = client.ask("load_program", programName="pick.jks")
+    assert (refused["errorCode"], refused["errorMsg"]) == ("2", "call load_program failed")
+    assert client.ask("get_loaded_program")["programName"] == "weld"
 
 
 def test_programs_have_a_state(client, feed):

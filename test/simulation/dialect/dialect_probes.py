@@ -162,7 +162,7 @@ def stop_ends_servo(dialect):
 
 def stop_ends_program(dialect):
     wire = Wire(dialect)
-    wire.ask("load_program", programName="a.jks")
+    wire.ask("load_program", programName="abc.jks")
     wire.ask("play_program")
     wire.ask("stop_program")
     return wire.ask("get_program_state")["programState"]

@@ -28,15 +28,22 @@ class PathProgress(NamedTuple):
 
     Attributes:
         call: Of its goal.
-        completed: Segments that have ended; the next one, counted from 0, is running.
+        completed: Segments that have ended.
+        total: Number of all its segments.
         fraction: Of the whole path, 0 to 1, by the time that its segments take at their programmed speeds.
         is_paused: It is held by a pause.
     """
 
     call: Token
     completed: int
+    total: int
     fraction: float
     is_paused: bool = False
+
+    @property
+    def segment(self) -> int:
+        """The index of the running segment, from 0; the last one's until the arm is seen at rest at its end."""
+        return min(self.completed, self.total - 1)
 
 
 class PathMove(ArmMotion):
@@ -91,9 +98,10 @@ class PathMove(ArmMotion):
     @property
     def progress(self) -> PathProgress:
         """The progress on the path."""
+        count = len(self._path.segments)
         if self._is_done:
-            return PathProgress(self._call, len(self._path.segments), 1.0)
-        return PathProgress(self._call, self._tracker.completed, self._tracker.fraction, self.is_paused)
+            return PathProgress(self._call, count, count, 1.0)
+        return PathProgress(self._call, self._tracker.completed, count, self._tracker.fraction, self.is_paused)
 
     # ---- life ----
 
@@ -142,8 +150,7 @@ class PathMove(ArmMotion):
             self._answer(self.progress, None)
         else:
             progress = self.progress
-            self._answer(None, PathInterrupted(outcome, progress.completed, len(self._path.segments),
-                                               progress.fraction))
+            self._answer(None, PathInterrupted(outcome, progress.completed, progress.total, progress.fraction))
 
     # ---- inside ----
 

@@ -35,6 +35,9 @@ def missing_for_motion(state: RobotState) -> List[str]:
 def set_power(core: ArmCore, on: bool) -> Procedure:
     """Energise the drives, or stop, disable and de-energise them; end when the arm reports it.
 
+    Returns:
+        What was done besides, in words; "" for nothing.
+
     Raises:
         InvalidCommand: The emergency stop or a protective stop stands against it.
         MotionInterrupted: The controller accepted the command and did not follow in time.
@@ -44,14 +47,19 @@ def set_power(core: ArmCore, on: bool) -> Procedure:
     if on:
         _refuse_under_stop((yield from _state(core)), "power on")
         yield from switch_power(core, True)
-        return
-    yield from _come_to_rest(core)
+        return ""
+    was_enabled = (yield from _state(core)).is_enabled
+    done = yield from _come_to_rest(core)
     yield from switch_drives(core, False)
     yield from switch_power(core, False)
+    return "; ".join(filter(None, (done, "the drives were disabled" if was_enabled else "")))
 
 
 def set_enabled(core: ArmCore, on: bool) -> Procedure:
-    """Release the brakes and hold torque, or the reverse; end when the arm reports it.
+    """Release the brakes and hold torque, or stop the arm and engage them; end when the arm reports it.
+
+    Returns:
+        As ``set_power``.
 
     Raises:
         As ``set_power``; InvalidCommand when the drives have no power.
@@ -62,28 +70,29 @@ def set_enabled(core: ArmCore, on: bool) -> Procedure:
         _refuse_under_stop(state, "enable")
         if not state.is_powered:
             raise InvalidCommand("refused: the drives have no power; power first")
-    else:
-        yield from _come_to_rest(core)
+    done = "" if on else (yield from _come_to_rest(core))
     yield from switch_drives(core, on)
+    return done
 
 
 def clear_error(core: ArmCore) -> Procedure:
     """Clear alarms and the protective stop; energises nothing.
 
     Returns:
-        What is still missing before the arm can move, in order.
+        What was cleared, in words, and what is still missing before the arm can move, in order.
 
     Raises:
         JakaError: As ``Ask``; MotionInterrupted where an alarm stands again at once; ConnectionLost where the arm's
             state is not known: then nothing is sent.
     """
     core.note_disturbance("a call of clear_err")
-    yield from _state(core)
+    before = yield from _state(core)
     cleared = yield from clear_alarms(core, lambda s: not s.protective_stop and not s.has_fault)
     state = yield from _state(core)
     if not cleared and not state.emergency_stop:
         raise alarm_stands(state)
-    return missing_for_motion(state)
+    left = before.protective_stop and not state.protective_stop
+    return "alarms cleared" + (", protective stop left" if left else ""), missing_for_motion(state)
 
 
 def auto_enable(core: ArmCore) -> Procedure:
@@ -179,7 +188,7 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 
 
 def _come_to_rest(core: ArmCore) -> Procedure:
-    """Stop the arm where it moves, and wait until it rests.
+    """Stop the arm where it moves, and wait until it rests; return in words that it was stopped, "" where not.
 
     The controller disables an arm at rest only (docs/controller-protocol.md section 5.1).
     """
@@ -187,10 +196,12 @@ def _come_to_rest(core: ArmCore) -> Procedure:
         return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
     state = yield from _state(core)
     now = yield Now()
-    if not rests(now) or not state.is_in_position or state.program_state in PROGRAM_UNDER_WAY:
+    moves = not rests(now) or not state.is_in_position or state.program_state in PROGRAM_UNDER_WAY
+    if moves:
         core.stop_own(now)
     if not (yield Until(rests, CLEAR_TIMEOUT_S)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % CLEAR_TIMEOUT_S)
+    return "all motion was stopped" if moves else ""
 
 
 def _state(core: ArmCore) -> Procedure:

@@ -1,6 +1,6 @@
 """Procedures for settings that are read back: the controller's "accepted" is not yet "set".
 
-Each returns a sentence for the user.
+Each returns a sentence for the user, which also says what else was changed.
 """
 import logging
 import math
@@ -41,9 +41,10 @@ def set_tool_frame(core: ArmCore, command: c.SetToolFrame, activate: bool) -> Pr
     yield Ask(core.audited(command))
     told = yield from _compare(c.Query.TOOL_FRAMES, "tool %d" % command.tool_id,
                                lambda frames: _pose_difference(command.pose, frames[command.tool_id]))
-    if activate:
-        told = (yield from _select_tool(core, command.tool_id)) or told
-    return "tool %d %s%s" % (command.tool_id, "set and active" if activate else "set", told)
+    if not activate:
+        return "tool %d set%s" % (command.tool_id, told)
+    unseen, switched = yield from _select_tool(core, command.tool_id)
+    return "tool %d set and active%s%s" % (command.tool_id, unseen or told, switched)
 
 
 def set_user_frame(core: ArmCore, command: c.SetUserFrame, activate: bool) -> Procedure:
@@ -51,19 +52,22 @@ def set_user_frame(core: ArmCore, command: c.SetUserFrame, activate: bool) -> Pr
     yield Ask(core.audited(command))
     told = yield from _compare(c.Query.USER_FRAMES, "user frame %d" % command.user_frame_id,
                                lambda frames: _pose_difference(command.pose, frames[command.user_frame_id]))
-    if activate:
-        yield Ask(core.audited(c.SelectUserFrame(command.user_frame_id)))
-        told = (yield from _await(core, lambda s: s.user_frame_id, command.user_frame_id, "user frame")) or told
-    return "user frame %d %s%s" % (command.user_frame_id, "set and active" if activate else "set", told)
+    if not activate:
+        return "user frame %d set%s" % (command.user_frame_id, told)
+    before = core.fresh_state((yield Now())).user_frame_id
+    yield Ask(core.audited(c.SelectUserFrame(command.user_frame_id)))
+    unseen = yield from _await(core, lambda s: s.user_frame_id, command.user_frame_id, "user frame")
+    return "user frame %d set and active%s%s" % (
+        command.user_frame_id, unseen or told, _switched("user frame", before, command.user_frame_id))
 
 
 def set_payload(core: ArmCore, tool_id: int, command: c.SetPayload) -> Procedure:
     """Select the tool and set the load at it; errors as ``set_tool_frame``."""
     core.audited(command)
-    unseen = yield from _select_tool(core, tool_id)
+    unseen, switched = yield from _select_tool(core, tool_id)
     yield Ask(command)
     told = yield from _compare(c.Query.PAYLOAD, "payload", lambda held: _payload_difference(command, held))
-    return "payload of tool %d set: %g kg%s" % (tool_id, command.mass, told or unseen)
+    return "payload of tool %d set: %g kg%s%s" % (tool_id, command.mass, told or unseen, switched)
 
 
 def set_collision_level(core: ArmCore, level: int) -> Procedure:
@@ -130,8 +134,21 @@ def _reads_zero(state: RobotState) -> bool:
 
 
 def _select_tool(core: ArmCore, tool_id: int) -> Procedure:
+    """Make a tool the active one; return two texts: whether that was not verified, and which one was active before."""
+    before = core.fresh_state((yield Now())).tool_id
     yield Ask(core.audited(c.SelectTool(tool_id)))
-    return (yield from _await(core, lambda s: s.tool_id, tool_id, "tool"))
+    unseen = yield from _await(core, lambda s: s.tool_id, tool_id, "tool")
+    return unseen, _switched("tool", before, tool_id)
+
+
+def _switched(what: str, before: Optional[int], now: int) -> str:
+    """Return in words that another tool or user frame is active than before; "" where it is the same.
+
+    before: The active one before; None where the controller does not report it.
+    """
+    if before is None:
+        return "; the active %s should now be %d" % (what, now)
+    return "" if before == now else "; the active %s is now %d, and was %d" % (what, now, before)
 
 
 def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Procedure:

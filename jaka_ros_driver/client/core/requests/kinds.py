@@ -152,7 +152,8 @@ class PathRequest(_MotionRequest):
                 state.joint_position, path.start.joints)]) > MOVEMENT:
             raise InvalidCommand("refused: the arm has moved since its path was audited")
         if all(segment.is_nowhere for segment in path.segments):
-            self._arm.actions.answer(self.call, PathProgress(self.call, len(path.segments), 1.0))
+            count = len(path.segments)
+            self._arm.actions.answer(self.call, PathProgress(self.call, count, count, 1.0))
         else:
             custody.begin(PathMove(custody, path, self.call, self._on_begun, state, now), now)
 
