@@ -368,6 +368,11 @@ class ArmClient:
         return self._core.dead_man.source
 
     @property
+    def jog_obstacle(self) -> str:
+        """The reason why the tool of a velocity jog stands, though it is asked to move; "" where it does not."""
+        return self._core.jog_obstacle
+
+    @property
     def last_jog_end(self) -> str:
         """The reason for which the dead-man was released last, in words."""
         return self._core.dead_man.last_end

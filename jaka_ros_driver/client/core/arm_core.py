@@ -127,6 +127,12 @@ class ArmCore:
         return str(motion) if isinstance(motion, LeftBehind) else self._foreign.text
 
     @property
+    def jog_obstacle(self) -> str:
+        """The reason why the tool of a velocity jog stands, though it is asked to move; "" where it does not."""
+        motion = self.custody.motion
+        return motion.obstacle if isinstance(motion, VelocityJog) else ""
+
+    @property
     def late_servo_cycles(self) -> int:
         """The number of cycles of the present servo stream whose targets came too late to be sent."""
         motion = self.custody.motion

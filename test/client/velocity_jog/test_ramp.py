@@ -204,7 +204,7 @@ def twist_of(watched):
                                                   (3, 0.5, JOINT_ACCELERATION_CEILING)])
 def test_another_direction_is_taken_up_on_a_straight_line_as_fast_as_the_tool_may(first, size, ceiling):
     before = [0.0] * first
-    watched = Watched().step(of_tool(*before, size), 40)
+    watched = Watched().step(of_tool(*before, size), 10)
     for cycle in range(1, 6):
         twist = twist_of(watched.step(of_tool(*before, 0.0, size)))
         gained = cycle * ceiling * CYCLE / math.sqrt(2.0)

@@ -160,7 +160,7 @@ def jogged(case):
             nearest, back = abs(along), (shift, turn)
         if along <= 0.0 or ramp.is_still:
             break
-    return JogVerdict(way, meter.sideways, meter.turn, back if nearest < 1e-3 * (3.0 if case.is_turn else 1.0) else None,
+    return JogVerdict(way, meter.sideways, meter.turn, back if nearest < 2e-3 else None,
                       meter.is_crossed, meter.is_within, obstacle)
 
 

@@ -26,8 +26,12 @@ from jaka_ros_driver.state import Vector
 
 STEP_CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
 """Largest change, rad/s, of a joint's speed in one cycle."""
-MARGINS = SingularityMeasures(wrist=0.01, elbow=0.01, shoulder=0.005)
-"""Singularity measures (dimensionless; shoulder in m) that a jog does not go below: the line can be kept until there."""
+_MARGINS = SingularityMeasures(wrist=0.005, elbow=0.005, shoulder=0.002)
+_MARGINS_OF_ONE = SingularityMeasures(wrist=0.001, elbow=0.0, shoulder=0.0)
+"""Singularity measures (dimensionless; shoulder in m) that a jog does not go below; those of models with one measure.
+
+An arm that begins nearer to a singularity gets as near as it was.
+"""
 _EXACT = 1e-8
 """Largest error, m and rad, of the tool's place on the line."""
 _CORRECTIONS = 4
@@ -87,6 +91,8 @@ class LineFollower:
         self.obstacle = ""
         self._tool_t_flange = invert(flange_t_tool)
         self._model, self._tops, self._longest_brake = model, tops, longest_brake
+        margins = _MARGINS if model.family in (THREE_PARALLEL, SPHERICAL_WRIST) else _MARGINS_OF_ONE
+        self._margins = [min(margin, abs(measure)) for margin, measure in zip(margins, self.now.measures)]
         self._line: Optional[JogLine] = None
         self._brake: List[LineStep] = []
         self._trouble = ""
@@ -254,15 +260,15 @@ class LineFollower:
             if not min(low, before) <= angle <= max(high, before):
                 self._trouble = "joint %d is at its limit" % joint
                 return None
-        for index, (was, is_, margin) in enumerate(zip(now.measures, step.measures, MARGINS)):
-            if math.copysign(1.0, was) * is_ < min(margin, abs(was)) - _ROUNDING:
+        for index, (was, is_, margin) in enumerate(zip(now.measures, step.measures, self._margins)):
+            if math.copysign(1.0, was) * is_ < margin - _ROUNDING:
                 self._trouble = self._named(index, now.joint_position)
                 return None
         return step
 
     def _singularity(self, now: LineStep) -> str:
         """Return which singularity is the nearest, in words."""
-        shares = [abs(measure) / margin for measure, margin in zip(now.measures, MARGINS)]
+        shares = [abs(measure) / margin for measure, margin in zip(now.measures, _MARGINS)]
         return self._named(shares.index(min(shares)), now.joint_position)
 
     def _named(self, index: int, joint_position: Vector) -> str:

@@ -17,7 +17,11 @@ _IDLE_S = 1.0
 
 
 class VelocityJog(Streaming):
-    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself."""
+    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself.
+
+    Attributes:
+        obstacle: Why the tool stands, though it is asked to move; "" where it does not.
+    """
 
     owner = MotionOwner.VELOCITY_JOG
 
@@ -38,6 +42,7 @@ class VelocityJog(Streaming):
         self._grip = dead_man.grip
         self._ramp: Optional[JogRamp] = None
         self._idle_since: Optional[float] = None
+        self.obstacle = ""
 
     # ---- life ----
 
@@ -72,7 +77,12 @@ class VelocityJog(Streaming):
             self._idle_since = now
         elif now - self._idle_since >= _IDLE_S:
             self._leave("the jog has rested for %g s" % _IDLE_S)
-        return ServoJoint(self._ramp.step(wish, self._scale))
+        joints = self._ramp.step(wish, self._scale)
+        if self._ramp.obstacle != self.obstacle:
+            self.obstacle = self._ramp.obstacle
+            if self.obstacle:
+                self._custody.actions.log(logging.WARNING, "velocity jog: the tool stands: %s" % self.obstacle)
+        return ServoJoint(joints)
 
     def _sent_point(self) -> Vector:
         assert self._ramp is not None
@@ -100,6 +110,7 @@ class VelocityJog(Streaming):
         self.is_leaving = True
 
     def _release(self) -> None:
+        self.obstacle = ""
         if self._leave_reason is None:
             self._leave(self._dead_man.last_end)
             self._custody.actions.log(logging.INFO, "velocity jog: %s; the arm brakes" % self._leave_reason)
