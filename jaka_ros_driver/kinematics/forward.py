@@ -75,10 +75,12 @@ def singularity_measures(model: ArmModel, joint_position: Sequence[float]) -> Si
     lengths. The A12's has no such factors: there, ``wrist`` is |det J| / (a2 * d4 * (a2 + d4)), and the other two are
     infinite.
     """
-    return SingularityMeasures(*map(abs, signed_measures(model, joint_position, link_transforms(model, joint_position))))
+    frames = link_transforms(model, joint_position)
+    return SingularityMeasures(*map(abs, signed_measures(model, joint_position, frames)))
 
 
-def signed_measures(model: ArmModel, joint_position: Sequence[float], frames: Sequence[Transform]) -> SingularityMeasures:
+def signed_measures(model: ArmModel, joint_position: Sequence[float], frames: Sequence[Transform]
+                    ) -> SingularityMeasures:
     """Return the singularity measures with the sign that tells the branches on both sides of each apart.
 
     frames: The result of ``link_transforms`` at these joint angles, rad, shape (6,).

@@ -44,10 +44,12 @@ def main():
             promises = broken_promises(case, verdict)
             broken += bool(promises)
             if promises:
-                print("%s, jog %d (%s %d): %s; %s" % (name, number, case.space, case.axis, ", ".join(promises), verdict))
+                print("%s, jog %d (%s %d): %s; %s" % (
+                    name, number, case.space, case.axis, ", ".join(promises), verdict))
         print("%-10s %5d %14d %6d %7d   %12.1e %11.1e" % (name, count, could, went, broken, sideways, turn), flush=True)
         totals = [a + b for a, b in zip(totals, (count, could, went, broken))]
-    print("%-10s %5d %14d %6d %7d   %.2f %% of those that could" % ("all", *totals, 100.0 * totals[2] / max(1, totals[1])))
+    print("%-10s %5d %14d %6d %7d   %.2f %% of those that could" % (
+        "all", *totals, 100.0 * totals[2] / max(1, totals[1])))
     return 1 if totals[3] or totals[2] < 0.95 * totals[1] else 0
 
 

@@ -9,7 +9,7 @@ from jaka_ros_driver.client.core.velocity_jog.line import JogLine, line_along, t
 from jaka_ros_driver.client.core.velocity_jog.ramp import JogRamp, Wish
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
-from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.forward import forward, link_transforms
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.kinematics.rotations import (
     IDENTITY,
@@ -25,7 +25,7 @@ from jaka_ros_driver.kinematics.rotations import (
 ZU7 = load_model("zu7")
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 TOOL = transform(matrix_from_rpy((0.3, -0.2, 0.5)), (0.05, 0.0, 0.15))
-DRAWN = 8
+DRAWN = 5
 """Jogs of each model."""
 SIDEWAYS, TURN = 5e-4, 2e-3
 """Largest deviation from the line, m and rad."""
@@ -46,7 +46,7 @@ def test_every_model_keeps_its_line_or_stands_and_comes_back_and_goes_where_the_
             assert verdict.back is not None and verdict.back[0] <= BACK and verdict.back[1] <= BACK_TURN, told
             if case.service_way() >= case.wanted:
                 could, went = could + 1, went + (verdict.way >= case.wanted)
-    assert could > 100 and went >= 0.95 * could
+    assert could > 60 and went >= 0.95 * could
 
 
 def stands(start, twist, frame=JogFrame.BASE, model=ZU7, cycles=1000):
@@ -75,14 +75,22 @@ def test_at_the_edge_of_its_reach_the_tool_stands_and_the_way_back_leads_home():
 
 
 @pytest.mark.parametrize("start, twist, reason", [
-    ((0.0, 1.6, -1.6, 1.6, 0.3, 0.0), (0.0, 0.0, 0.0, 0.0, 0.3, 0.0), "wrist singularity: jog joint 5"),
-    ((0.0, 1.2, -2.6, 1.6, 1.5, 0.0), (-0.1, 0.0, 0.0, 0.0, 0.0, 0.0), "shoulder singularity, the wrist is above joint 1: "
-                                                                        "jog joint 2"),
+    ((0.0, 2.0, -2.0, 1.6, 1.5, 0.0), (0.1, 0.0, 0.0, 0.0, 0.0, 0.0),
+     "shoulder singularity, the wrist is above joint 1: jog joint 2"),
     (HOME[:3] + (ZU7.joint_limits[3][1] - 0.1, 1.6, 0.0), (0.0, 0.0, 0.0, 0.0, 0.3, 0.0), "joint 4 is at its limit"),
     (HOME[:3] + (ZU7.joint_limits[3][1] - 0.1, 1.6, 0.0), (0.0, 0.0, 0.0, 0.0, -0.3, 0.0), "joint 4 is at its limit")])
 def test_what_the_arm_stands_at_is_said_with_what_leads_on(start, twist, reason):
     said = {stands(start, tuple([sign * value for value in twist]))[0].obstacle for sign in (1.0, -1.0)}
     assert reason in said
+
+
+def test_the_wrist_is_not_turned_through_its_singularity():
+    start = (0.0, 1.6, -1.6, 1.6, 0.3, 0.0)
+    axis = link_transforms(ZU7, start)[4][2:9:3]
+    ramp = JogRamp(start, ZU7, SPEEDS)
+    while not ramp.obstacle:
+        ramp.step(Wish(JogFrame.BASE, (0.0, 0.0, 0.0, *[-0.3 * value for value in axis])))
+    assert ramp.obstacle == "wrist singularity: jog joint 5" and 0.0 < ramp.position[4] < 0.02
 
 
 def test_nothing_is_said_of_a_tool_that_moves_or_is_asked_to_rest():
@@ -99,7 +107,7 @@ def test_nothing_is_said_of_a_tool_that_moves_or_is_asked_to_rest():
 
 
 def test_released_anywhere_it_brakes_on_its_line():
-    for cycles in range(5, 400, 13):
+    for cycles in range(20, 320, 50):
         start = compose(forward(ZU7, HOME), TOOL)
         ramp = JogRamp(HOME, ZU7, SPEEDS)
         for _ in range(cycles):
@@ -115,7 +123,7 @@ def test_another_direction_begins_a_line_where_the_tool_has_taken_it_up():
     ramp = JogRamp(HOME, ZU7, SPEEDS)
     for _ in range(40):
         ramp.step(Wish(JogFrame.BASE, (0.0, 0.0, -0.2, 0.0, 0.0, 0.0)))
-    for _ in range(8):
+    for _ in range(15):
         ramp.step(Wish(JogFrame.BASE, (0.0, 0.2, 0.0, 0.0, 0.0, 0.0)))
     begun = forward(ZU7, ramp.position)
     for _ in range(100):
@@ -134,7 +142,7 @@ def test_moving_and_turning_at_once_follow_one_line(frame):
         tool = compose(forward(ZU7, ramp.step(Wish(frame, twist, TOOL))), TOOL)
         turn = math.hypot(*rotation_vector_from_matrix(compose(tool, invert(start)))) / math.hypot(*line.direction[3:])
         assert distance_between(tool, line.at(turn)) < 1e-6 and rotation_angle_between(tool, line.at(turn)) < 1e-6
-    assert turn > 0.1
+    assert turn > 0.05
 
 
 def test_a_frame_that_changes_while_the_tool_moves_in_one_direction_changes_nothing():

@@ -15,8 +15,8 @@ _PARALLEL = 1e-6
 class JogLine(NamedTuple):
     """A straight way of the tool, a turn about its centre, or both, by one number: the way.
 
-    Along the axes of the base the centre goes straight and the tool turns about a fixed axis. Along the tool's own axes,
-    which turn with it, both together are a screw.
+    Along the axes of the base the centre goes straight and the tool turns about a fixed axis. Along the tool's own
+    axes, which turn with it, both together are a screw.
 
     Attributes:
         base_t_start: The tool at way 0.

@@ -32,7 +32,7 @@ _MARGINS_OF_ONE = SingularityMeasures(wrist=0.001, elbow=0.0, shoulder=0.0)
 
 An arm that begins nearer to a singularity gets as near as it was.
 """
-_EXACT = 1e-8
+_EXACT = 1e-7
 """Largest error, m and rad, of the tool's place on the line."""
 _CORRECTIONS = 4
 _LARGEST_CORRECTION = 0.1
@@ -43,8 +43,8 @@ _ROUNDING = 1e-9
 _SINGULAR = 1e-4
 """Singularity measure below which the Jacobian has no inverse: only what the joints can do there is asked of them."""
 _TRIES = 3
-_SHARES = (1.0, 0.7, 0.4, 0.15)
-"""Shares of the wanted change of speed that are tried, one after the other."""
+_LESS, _MORE, _LEAST = 0.3, 2.0, 0.1
+"""Factors of the share of the wanted change that is tried, after one that failed and one that did not; its lowest."""
 _NOTHING = (0.0,) * JOINT_COUNT
 
 
@@ -94,7 +94,9 @@ class LineFollower:
         margins = _MARGINS if model.family in (THREE_PARALLEL, SPHERICAL_WRIST) else _MARGINS_OF_ONE
         self._margins = [min(margin, abs(measure)) for margin, measure in zip(margins, self.now.measures)]
         self._line: Optional[JogLine] = None
+        self._before: Optional[LineStep] = None
         self._brake: List[LineStep] = []
+        self._share = 1.0
         self._trouble = ""
 
     @property
@@ -114,20 +116,23 @@ class LineFollower:
             return self.brake()
         twist = self._twist(frame)
         change = _towards(twist, aim)
-        self._trouble = ""
         slower = self._brake[0].speed if self._brake else 0.0
-        line, speed = self._led(twist, change, frame)
-        for share in _SHARES:
-            tried = slower + share * (speed - slower)
-            if line is not self._line:
-                line, tried = self._led(twist, tuple([share * c for c in change]), frame)
+        led, speed = self._led(twist, change, frame)
+        possible = 1.0 if led is self._line or not any(twist) else self._possible_share(change, frame)
+        self._trouble = ""
+        for share in (self._share, max(_LEAST, _LESS * self._share)):
+            line, tried = led, slower + share * (speed - slower)
+            if led is not self._line and share * possible < 1.0:
+                line, tried = self._led(twist, tuple([share * possible * c for c in change]), frame)
             steps = self._steps(line, tried)
             if steps:
+                self._share = min(1.0, _MORE * share)
                 self.obstacle = ""
                 self._take(line, steps)
                 return self.now.joint_position
+        is_least, self._share = self._share == _LEAST, max(_LEAST, _LESS * self._share)
         self._take(self._line, self._brake)
-        self.obstacle = self._trouble if any(aim) and self.now.speed == 0.0 else ""
+        self.obstacle = self._trouble if is_least and any(aim) and self.now.speed == 0.0 else ""
         return self.now.joint_position
 
     # ---- the line ----
@@ -155,7 +160,16 @@ class LineFollower:
         here = compose(forward(self._model, self.now.joint_position), self.flange_t_tool)
         return line_along(here if self._line is None else self._line.at(self.now.way), wanted, frame)
 
+    def _possible_share(self, change: Vector, frame: JogFrame) -> float:
+        """Return the share of a change of the twist for which the joints have the acceleration."""
+        frames = link_transforms(self._model, self.now.joint_position)
+        tool = compose(frames[-1], self.flange_t_tool)
+        joints = _solved(jacobian_of_links(frames, tool), turned(tool, change) if frame is JogFrame.TOOL else change,
+                         self.now.measures)
+        return min(1.0, _SHARE * STEP_CHANGE / max(_ROUNDING, *map(abs, joints)))
+
     def _take(self, line: Optional[JogLine], steps: List[LineStep]) -> None:
+        self._before = self.now if line is self._line else None
         self._line = line
         self.now = steps[0] if steps else self.now._replace(joint_velocity=_NOTHING, speed=0.0)
         self._brake = steps[1:]
@@ -163,14 +177,14 @@ class LineFollower:
     # ---- speeds ----
 
     def _steps(self, line: JogLine, speed: float) -> List[LineStep]:
-        """Return the step at this rate or a lower one, and those that bring the arm to rest; none where there is none."""
+        """Return the step at this rate, or near it, and those that bring the arm to rest; none where there is none."""
         is_same = line is self._line
         now = self.now if is_same else self.now._replace(way=0.0, speed=speed if any(self.now.joint_velocity) else 0.0)
         linear, angular = math.hypot(*line.direction[:3]), math.hypot(*line.direction[3:])
         change = SERVO_PERIOD_S * min(TCP_ACCELERATION_CEILING / max(linear, _ROUNDING),
                                       JOINT_ACCELERATION_CEILING / max(angular, _ROUNDING))
         is_bend = not is_same and now.speed != 0.0
-        rates = self._rates(line, now)
+        rates = _expected(self._before, now) if is_same and now.speed != 0.0 else self._rates(line, now)
         step = self._step(line, now, speed, 0.0 if is_bend else change, rates)
         if step is None:
             return []
@@ -179,13 +193,9 @@ class LineFollower:
             if len(steps) > self._longest_brake:
                 self._trouble = self._trouble or self._singularity(self.now)
                 return []
-            before, last = (steps[-2] if len(steps) > 1 else None), steps[-1]
-            rates = [v / last.speed for v in last.joint_velocity]
-            if before is not None and before.speed != 0.0:
-                rates = [a + (a - v / before.speed) * last.speed / before.speed
-                         for a, v in zip(rates, before.joint_velocity)]
+            before, last = (steps[-2] if len(steps) > 1 else now if is_same else None), steps[-1]
             slower = math.copysign(max(0.0, abs(last.speed) - change), last.speed)
-            braked = self._step(line, last, slower, change, rates)
+            braked = self._step(line, last, slower, change, _expected(before, last))
             if braked is None:
                 return []
             steps.append(braked)
@@ -224,8 +234,8 @@ class LineFollower:
         return None
 
     def _is_slow_enough(self, now: LineStep, step: LineStep) -> bool:
-        return all([abs(v) <= top + _ROUNDING and abs(v - before) <= STEP_CHANGE + _ROUNDING
-                    for v, before, top in zip(step.joint_velocity, now.joint_velocity, self._tops)])
+        return all(abs(v) <= top + _ROUNDING and abs(v - before) <= STEP_CHANGE + _ROUNDING
+                   for v, before, top in zip(step.joint_velocity, now.joint_velocity, self._tops))
 
     # ---- places ----
 
@@ -254,7 +264,7 @@ class LineFollower:
         return None
 
     def _checked(self, now: LineStep, step: LineStep) -> Optional[LineStep]:
-        """Return the step; None, with the trouble noted, where a joint leaves its limits or a singularity comes near."""
+        """Return the step; None, with the trouble noted, where a joint leaves its limits or a singularity is near."""
         for joint, (before, angle, (low, high)) in enumerate(zip(now.joint_position, step.joint_position,
                                                                  self._model.joint_limits), 1):
             if not min(low, before) <= angle <= max(high, before):
@@ -281,6 +291,14 @@ class LineFollower:
         elbow = joint_position[2] + self._model.dh[2].theta_offset
         is_stretched = -math.sin(elbow) if self._model.family == SPHERICAL_WRIST else math.cos(elbow)
         return "the arm is %s: jog joint 3" % ("stretched" if is_stretched > 0.0 else "folded")
+
+
+def _expected(before: Optional[LineStep], last: LineStep) -> List[float]:
+    """Return the joint velocities, rad, for each unit of way that are to be expected after two steps."""
+    rates = [v / last.speed for v in last.joint_velocity]
+    if before is None or before.speed == 0.0:
+        return rates
+    return [a + (a - v / before.speed) * last.speed / before.speed for a, v in zip(rates, before.joint_velocity)]
 
 
 def _solved(matrix: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]", twist: Sequence[float],
