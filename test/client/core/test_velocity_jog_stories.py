@@ -257,11 +257,11 @@ def test_an_arm_that_cannot_move_is_not_jogged(fields):
 
 
 def test_a_tool_that_stands_is_logged_once_with_its_reason_and_said_no_more_when_it_is_let_go():
-    pad, down = Pad(), (0.0, 0.0, -0.2, 0.0, 0.0, 0.0)
+    pad, out = Pad(), (0.2, 0.0, 0.0, 0.0, 0.0, 0.0)
     pad.wait(0.1, REST)
     core, told = pad.story.core, []
     for _ in range(400):
-        pad.say(down, JogFrame.BASE)
+        pad.say(out, JogFrame.BASE)
         sent = pad.frames()
         if sent:
             pad.story.joints = [math.radians(q) for q in sent[-1][1]]

@@ -29,7 +29,7 @@ TURN_SPEED = 0.3
 WAY, TURN = 0.05, 0.15
 """Way out, m and rad."""
 LONGEST_S = 6.0
-STANDING = 3
+STANDING = 5
 """Cycles without motion after which the tool counts as standing."""
 
 

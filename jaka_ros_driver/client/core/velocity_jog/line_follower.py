@@ -5,6 +5,7 @@ wanted speed, or a lower one, from which the arm also comes to rest on the line,
 speed and acceleration, and without crossing a singularity. The frames of that braking are kept: where no such speed is
 found, and when the dead-man is released, they are sent.
 """
+import contextlib
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
@@ -304,11 +305,12 @@ def _expected(before: Optional[LineStep], last: LineStep) -> List[float]:
 def _solved(matrix: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]", twist: Sequence[float],
             measures: SingularityMeasures) -> List[float]:
     """Return the joint velocities, rad/s (6,), of a twist, m/s (3,) and rad/s (3,); at a singularity the smallest."""
-    if min(map(abs, measures)) < _SINGULAR:
-        at_singularity: List[float] = np.linalg.lstsq(matrix, np.array(twist), rcond=_SINGULAR)[0].tolist()
-        return at_singularity
-    solved: List[float] = np.linalg.solve(matrix, np.array(twist)).tolist()
-    return solved
+    if min(map(abs, measures)) >= _SINGULAR:
+        with contextlib.suppress(np.linalg.LinAlgError):
+            solved: List[float] = np.linalg.solve(matrix, np.array(twist)).tolist()
+            return solved
+    smallest: List[float] = np.linalg.lstsq(matrix, np.array(twist), rcond=_SINGULAR)[0].tolist()
+    return smallest
 
 
 def _towards(twist: Vector, aim: Vector) -> Vector:
