@@ -104,7 +104,7 @@ class MotionEnds:
 
     def _look_for_a_standing_jog(self) -> None:
         """Publish that the tool of a velocity jog stands, though it is asked to move, and that it does so no more."""
-        obstacle = self._arm.jog_obstacle
+        obstacle = self._arm.velocity_jog.obstacle
         if obstacle != self._jog_obstacle:
             self._jog_obstacle = obstacle
             self._publish_move(_JOG, "STOPPED" if obstacle else "ACCEPTED", obstacle)

@@ -266,12 +266,12 @@ def test_a_tool_that_stands_is_logged_once_with_its_reason_and_said_no_more_when
         if sent:
             pad.story.joints = [math.radians(q) for q in sent[-1][1]]
         pad.story.run(PERIOD)
-        told.append(core.jog_obstacle)
+        told.append(core.velocity_jog.obstacle)
     assert told[0] == "" and told[-1]
     assert [line for line in pad.story.log if "the tool stands" in line] == [
         "velocity jog: the tool stands: " + told[-1]]
     pad.wait(0.5)
-    assert core.jog_obstacle == ""
+    assert core.velocity_jog.obstacle == ""
 
 
 def test_a_call_of_power_lets_go():

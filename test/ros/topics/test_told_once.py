@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import eventually
 
 from jaka_msgs import msg as messages
+from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
@@ -63,7 +64,8 @@ class Arm:
     def __init__(self):
         self.stops, self.trajectory, self.followed, self.cancels, self.stopped = 7, None, [], 0, 0
         self.error = None
-        self.foreign_motion = self.jog_obstacle = ""
+        self.foreign_motion = ""
+        self.velocity_jog = JogReport("", "", "")
 
     def add_listener(self, listener):
         self.arrived = listener
@@ -109,7 +111,7 @@ def test_each_move_has_an_id_and_its_own_end(ends):
 
 def test_a_jog_that_stands_is_told_with_its_reason_once_and_that_it_goes_on(ends):
     for obstacle in ("", "wrist singularity: jog joint 5", "wrist singularity: jog joint 5", ""):
-        ends.arm.jog_obstacle = obstacle
+        ends.arm.velocity_jog = JogReport("/pad", "", obstacle)
         ends.arrived(state(), True)
     ends.ends.close()
     kinds = messages.MotionState

@@ -23,9 +23,9 @@ from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
 
 SPEEDS = JogSpeeds(0.5, 0.25, 0.5)
 SPEED = 0.1
-"""m/s of a jog along an axis."""
+"""Speed, m/s, of a jog along an axis."""
 TURN_SPEED = 0.3
-"""rad/s of a jog about an axis."""
+"""Speed, rad/s, of a jog about an axis."""
 WAY, TURN = 0.05, 0.15
 """Way out, m and rad."""
 LONGEST_S = 6.0

@@ -1,6 +1,6 @@
 """The motion of a velocity jog: streamed as joint frames while the dead-man is held; braked when it is not."""
 import logging
-from typing import Optional
+from typing import NamedTuple, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -14,6 +14,20 @@ from jaka_ros_driver.state import RobotState, Vector
 
 _IDLE_S = 1.0
 """Time, s, of wanted rest after which servo mode is left, so that others can have the arm."""
+
+
+class JogReport(NamedTuple):
+    """The velocity jog as it is to be shown.
+
+    Attributes:
+        held_by: The publisher that holds the dead-man; "" for nobody.
+        last_end: The reason for which it was released last, in words.
+        obstacle: The reason why the tool stands, though it is asked to move; "" where it does not.
+    """
+
+    held_by: str
+    last_end: str
+    obstacle: str
 
 
 class VelocityJog(Streaming):
