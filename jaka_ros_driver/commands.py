@@ -20,7 +20,11 @@ Ours are never higher.
 
 
 class JogFrame(enum.IntEnum):
-    """The coordinates in which a jog moves; the numbers of the ROS interface (``coord_mode``)."""
+    """The coordinates in which a jog moves; the numbers of the ROS interface (``coord_mode``).
+
+    BASE of the command ``Jog`` is the controller's world: the active user frame, which is the base while user frame 0
+    is active. Of a velocity jog, which the driver makes of joints, it is the true base.
+    """
 
     JOINT = 0
     BASE = 1

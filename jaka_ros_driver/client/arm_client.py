@@ -21,6 +21,7 @@ from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.steps import Procedure
 from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.client.followed_path import LONGEST_LEAD_S, followed_path, lead_of
 from jaka_ros_driver.client.guard import Guard
@@ -364,14 +365,9 @@ class ArmClient:
                     self._transport.wake()
 
     @property
-    def jogged_by(self) -> str:
-        """The publisher that holds the dead-man of a velocity jog; "" for nobody."""
-        return self._core.dead_man.source
-
-    @property
-    def last_jog_end(self) -> str:
-        """The reason for which the dead-man was released last, in words."""
-        return self._core.dead_man.last_end
+    def velocity_jog(self) -> JogReport:
+        """The velocity jog: who holds it, and where it stands."""
+        return self._core.velocity_jog
 
     @property
     def stops(self) -> int:

@@ -40,7 +40,12 @@ def jacobian(model: ArmModel, joint_position: Sequence[float], flange_t_tool: Op
     velocity, rad/s. Without ``flange_t_tool`` the tool point is the flange.
     """
     frames = link_transforms(model, joint_position)
-    tip = frames[-1] if flange_t_tool is None else compose(frames[-1], flange_t_tool)
+    return jacobian_of_links(frames, frames[-1] if flange_t_tool is None else compose(frames[-1], flange_t_tool))
+
+
+def jacobian_of_links(frames: Sequence[Transform], tip: Transform
+                      ) -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
+    """Return ``jacobian`` of the tool point ``tip`` (base frame) by the result of ``link_transforms``."""
     columns = []
     for frame in frames[:-1]:
         zx, zy, zz = frame[2], frame[5], frame[8]
@@ -70,17 +75,24 @@ def singularity_measures(model: ArmModel, joint_position: Sequence[float]) -> Si
     lengths. The A12's has no such factors: there, ``wrist`` is |det J| / (a2 * d4 * (a2 + d4)), and the other two are
     infinite.
     """
-    if model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
-        upper, fore = abs(model.dh[1].a), abs(model.dh[3].d)
-        det = abs(float(np.linalg.det(jacobian(model, joint_position))))
-        return SingularityMeasures(det / (upper * fore * (upper + fore)), math.inf, math.inf)
     frames = link_transforms(model, joint_position)
+    return SingularityMeasures(*map(abs, signed_measures(model, joint_position, frames)))
+
+
+def signed_measures(model: ArmModel, joint_position: Sequence[float], frames: Sequence[Transform]
+                    ) -> SingularityMeasures:
+    """Return the singularity measures with the sign that tells the branches on both sides of each apart.
+
+    frames: The result of ``link_transforms`` at these joint angles, rad, shape (6,).
+    """
     rows = model.dh
-    sin_elbow = math.sin(joint_position[2] + rows[2].theta_offset)
-    if model.family == SPHERICAL_WRIST:
-        sin_elbow = math.cos(joint_position[2] + rows[2].theta_offset)
-    wrist_point = frames[5]
-    in_plane_x, in_plane_y = frames[1][0], frames[1][3]
+    if model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
+        upper, fore = abs(rows[1].a), abs(rows[3].d)
+        det = float(np.linalg.det(jacobian_of_links(frames, frames[-1])))
+        return SingularityMeasures(det / (upper * fore * (upper + fore)), math.inf, math.inf)
+    elbow = joint_position[2] + rows[2].theta_offset
+    wrist_point, in_plane = frames[5], frames[1]
     return SingularityMeasures(
-        wrist=abs(math.sin(joint_position[4] + rows[4].theta_offset)), elbow=abs(sin_elbow),
-        shoulder=abs(wrist_point[9] * in_plane_x + wrist_point[10] * in_plane_y))
+        wrist=math.sin(joint_position[4] + rows[4].theta_offset),
+        elbow=math.cos(elbow) if model.family == SPHERICAL_WRIST else math.sin(elbow),
+        shoulder=wrist_point[9] * in_plane[0] + wrist_point[10] * in_plane[3])

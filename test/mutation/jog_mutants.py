@@ -8,6 +8,7 @@ from mutant import Mutant
 
 DEAD_MAN = ("test/client/velocity_jog/test_dead_man.py",)
 RAMP = ("test/client/velocity_jog/test_ramp.py",)
+LINES = ("test/client/velocity_jog/test_line_jogs.py",)
 STORIES = ("test/client/core/test_velocity_jog_stories.py",)
 TOPICS = ("test/ros/topics/test_jog_topics.py",)
 
@@ -33,15 +34,29 @@ OF_JOGS: Tuple[Mutant, ...] = (
     Mutant("a joint runs into its limit", "client/core/velocity_jog/ramp.py",
            "min(top, speed_to_stop_within(high - position))", "top", RAMP),
     Mutant("a joint's speed jumps", "client/core/velocity_jog/ramp.py",
-           "min(max(min(max(aim, low), high), before - _STEP_CHANGE), before + _STEP_CHANGE)",
+           "min(max(min(max(aim, low), high), before - STEP_CHANGE), before + STEP_CHANGE)",
            "min(max(aim, low), high)", RAMP),
     Mutant("braking takes twice its time", "client/core/velocity_jog/ramp.py",
-           "speed / max(1, math.ceil(", "0.5 * speed / max(1, math.ceil(", RAMP),
-    Mutant("the tool frame is the base", "client/core/velocity_jog/ramp.py",
-           "        if wish.frame is JogFrame.TOOL:\n", "        if False:\n", RAMP),
-    Mutant("the tool turns about its flange", "client/core/velocity_jog/ramp.py",
-           "velocity = joint_velocity(jacobian(self._model, self.position, self._flange_t_tool), self._twist)",
-           "velocity = joint_velocity(jacobian(self._model, self.position), self._twist)", RAMP),
+           "speed / max(1, cycles)", "0.5 * speed / max(1, cycles)", RAMP),
+    Mutant("the tool frame is the base", "client/core/velocity_jog/line.py",
+           "        if self.frame is JogFrame.BASE:\n", "        if True:\n", LINES),
+    Mutant("the tool turns about its flange", "client/core/velocity_jog/line_follower.py",
+           "target = compose(line.at(way), self._tool_t_flange)", "target = line.at(way)", RAMP),
+    Mutant("a singularity is crossed", "client/core/velocity_jog/line_follower.py",
+           "            if math.copysign(1.0, was) * is_ < margin - _ROUNDING:\n", "            if False:\n", LINES),
+    Mutant("the tool runs into a joint's limit", "client/core/velocity_jog/line_follower.py",
+           "            if not min(low, before) <= angle <= max(high, before):\n", "            if False:\n", LINES),
+    Mutant("a joint of the tool's line is accelerated beyond its ceiling", "client/core/velocity_jog/line_follower.py",
+           "abs(v - before) <= STEP_CHANGE + _ROUNDING", "True", RAMP),
+    Mutant("the tool's braking takes any time", "client/core/velocity_jog/line_follower.py",
+           "            if len(steps) > self._longest_brake:\n", "            if False:\n", RAMP),
+    Mutant("another tool is led at once", "client/core/velocity_jog/ramp.py",
+           "if wish is None or follower.flange_t_tool != wish.flange_t_tool:", "if wish is None:", LINES),
+    Mutant("a tool that stands is not explained", "client/core/velocity_jog/motion.py",
+           "            self.obstacle = self._ramp.obstacle\n", "            self.obstacle = \"\"\n", STORIES),
+    Mutant("the user frame is the base", "ros/topics/jog_topics.py",
+           "return Wish(JogFrame.BASE, turned(base_t_user, velocity), flange_t_tool)",
+           "return Wish(JogFrame.BASE, velocity, flange_t_tool)", TOPICS),
     Mutant("a jog has any speed", "client/core/velocity_jog/ramp.py",
            "    if speed > limit * (1.0 + FLOAT32_SLACK):\n", "    if False:\n", RAMP),
     Mutant("a jog goes on when it is let go", "client/core/velocity_jog/motion.py",

@@ -137,7 +137,7 @@ OF_KINEMATICS: Tuple[Mutant, ...] = (
     Mutant("the Jacobian has the wrong sign", "kinematics/forward.py",
            "zz * rx - zx * rz,", "zx * rz - zz * rx,", FORWARD),
     Mutant("the wrist's singularity is of joint 4", "kinematics/forward.py",
-           "wrist=abs(math.sin(joint_position[4] + rows[4]", "wrist=abs(math.sin(joint_position[3] + rows[3]", FORWARD),
+           "wrist=math.sin(joint_position[4] + rows[4]", "wrist=math.sin(joint_position[3] + rows[3]", FORWARD),
     Mutant("the first solution is taken, not the nearest", "kinematics/inverse.py",
            "if not cost < best_cost:", "if best is not None:", INVERSE),
     Mutant("a solution is not turned into its limits", "kinematics/inverse.py",

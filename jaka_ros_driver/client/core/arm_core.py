@@ -38,7 +38,7 @@ from jaka_ros_driver.client.core.stops import Stops
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
 from jaka_ros_driver.client.core.trajectory import Trajectory, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan, JogMessage
-from jaka_ros_driver.client.core.velocity_jog.motion import VelocityJog
+from jaka_ros_driver.client.core.velocity_jog.motion import JogReport, VelocityJog
 from jaka_ros_driver.client.core.velocity_jog.ramp import require_possible
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import (
@@ -125,6 +125,13 @@ class ArmCore:
         """The motion that this driver has not begun, in words; "" where there is none."""
         motion = self.custody.motion
         return str(motion) if isinstance(motion, LeftBehind) else self._foreign.text
+
+    @property
+    def velocity_jog(self) -> JogReport:
+        """The velocity jog: who holds it, and where it stands."""
+        motion = self.custody.motion
+        return JogReport(self.dead_man.source, self.dead_man.last_end,
+                         motion.obstacle if isinstance(motion, VelocityJog) else "")
 
     @property
     def late_servo_cycles(self) -> int:

@@ -205,9 +205,10 @@ class Diagnostics:
         status.add("late cycles of this stream", str(late))
 
     def _jog(self, status: DiagnosticStatusWrapper) -> None:
-        held_by = self._arm.jogged_by
-        status.summary(OK, "held by " + held_by if held_by else "not held")
-        status.add("last end", self._arm.last_jog_end)
+        jog = self._arm.velocity_jog
+        status.summary(OK, "held by " + jog.held_by if jog.held_by else "not held")
+        status.add("last end", jog.last_end)
+        status.add("stands at", jog.obstacle)
 
     def _model(self, status: DiagnosticStatusWrapper, state: RobotState) -> None:
         deviation = self._model_check.check(state)

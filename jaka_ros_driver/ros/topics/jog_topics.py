@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.core.velocity_jog.line import turned
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.commands import JOINTS, JogFrame
 from jaka_ros_driver.errors import InvalidCommand, JakaError
@@ -23,7 +24,7 @@ from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 _LOG_PERIOD_S = 1.0
 _QUEUE = 10
 """Most messages that wait; those that have waited too long are recognised by their age."""
-_BASE, _TOOL = "base", "tool"
+_BASE, _TOOL, _USER = "base", "tool", "user"
 
 
 class JogSubscribers:
@@ -32,7 +33,7 @@ class JogSubscribers:
     def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameReader, recorder: Recorder) -> None:
         """Set up the subscribers.
 
-        names, frames: Of the base and of the active tool.
+        names, frames: Of the base, the active tool and the active user frame.
         """
         self._arm = arm
         self._recorder = recorder
@@ -47,13 +48,18 @@ class JogSubscribers:
             rospy.Subscriber(name, kind, self._taker(name, to_wish), queue_size=_QUEUE, tcp_nodelay=True)
 
     def _twist_wish(self, message: TwistStamped) -> Wish:
-        frame = jog_frame(message.header.frame_id, self._names)
-        flange_t_tool = self._frames.flange_t_tool(self._arm.fresh_state())
+        state = self._arm.fresh_state()
+        flange_t_tool = self._frames.flange_t_tool(state)
         if flange_t_tool is None:
             raise InvalidCommand("the active tool's frame is not known yet")
         twist = message.twist
-        return Wish(frame, _finite("twist", [getattr(part, axis) for part in (twist.linear, twist.angular)
-                                             for axis in "xyz"]), flange_t_tool)
+        velocity = _finite("twist", [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"])
+        if message.header.frame_id not in (_USER, self._names.user(state.user_frame_id)):
+            return Wish(jog_frame(message.header.frame_id, self._names), velocity, flange_t_tool)
+        base_t_user = self._frames.base_t_user(state)
+        if base_t_user is None:
+            raise InvalidCommand("the active user frame is not known yet")
+        return Wish(JogFrame.BASE, turned(base_t_user, velocity), flange_t_tool)
 
     def _taker(self, name: str, to_wish: Callable[[Any], Wish]) -> Callable[[Any], None]:
         def take(message: Any) -> None:
@@ -106,7 +112,7 @@ def joint_wish(message: JointState, names: FrameNames) -> Wish:
 
 
 def jog_frame(frame_id: str, names: FrameNames) -> JogFrame:
-    """Return the frame that a message names: as /tf calls it, or "base" or "tool".
+    """Return the frame that a message names, other than the user frame: as /tf calls it, or "base" or "tool".
 
     Raises:
         InvalidCommand: It is another one.
@@ -116,7 +122,7 @@ def jog_frame(frame_id: str, names: FrameNames) -> JogFrame:
     if frame_id in (_TOOL, names.tool):
         return JogFrame.TOOL
     raise InvalidCommand("frame_id is %.60r; valid: %s" % (frame_id, ", ".join(sorted(
-        {_BASE, _TOOL, names.base, names.tool}))))
+        {_BASE, _TOOL, _USER, names.base, names.tool}))))
 
 
 def _finite(field: str, values: Sequence[float]) -> Tuple[float, ...]:

@@ -16,6 +16,8 @@ from jaka_ros_driver.state import ProgramState, RobotState
 _NOT_PUBLISHED = "the topic %s is not published; everything else is served"
 
 _QUEUE = 100
+_JOG = "jog"
+"""The id of a velocity jog on ``~motion_state``."""
 
 
 class MotionEnds:
@@ -32,6 +34,7 @@ class MotionEnds:
         self._waiting: SimpleQueue[Optional[Tuple[Any, Any]]] = SimpleQueue()
         self._shown: Optional[int] = None
         self._foreign = ""
+        self._jog_obstacle = ""
         self._program = ""
         self._reason = ""
         self._lock = threading.Lock()
@@ -100,8 +103,16 @@ class MotionEnds:
             self._foreign = text
             self._publish_move("", "FOREIGN" if text else "FOREIGN_ENDED", text or "ended: " + before)
 
+    def _look_for_a_standing_jog(self) -> None:
+        """Publish that the tool of a velocity jog stands, though it is asked to move, and that it does so no more."""
+        obstacle = self._arm.velocity_jog.obstacle
+        if obstacle != self._jog_obstacle:
+            self._jog_obstacle = obstacle
+            self._publish_move(_JOG, "STOPPED" if obstacle else "ACCEPTED", obstacle)
+
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         self._look_for_foreign_motion()
+        self._look_for_a_standing_jog()
         if is_new and state.program_state is not None and state.program_state != self._shown:
             self._shown = state.program_state
             self._publish_program()

@@ -256,6 +256,24 @@ def test_an_arm_that_cannot_move_is_not_jogged(fields):
     assert pad.story.count("servo_move") == 0, "it begins by itself when the arm can move again"
 
 
+def test_a_tool_that_stands_is_logged_once_with_its_reason_and_said_no_more_when_it_is_let_go():
+    pad, out = Pad(), (0.2, 0.0, 0.0, 0.0, 0.0, 0.0)
+    pad.wait(0.1, REST)
+    core, told = pad.story.core, []
+    for _ in range(400):
+        pad.say(out, JogFrame.BASE)
+        sent = pad.frames()
+        if sent:
+            pad.story.joints = [math.radians(q) for q in sent[-1][1]]
+        pad.story.run(PERIOD)
+        told.append(core.velocity_jog.obstacle)
+    assert told[0] == "" and told[-1]
+    assert [line for line in pad.story.log if "the tool stands" in line] == [
+        "velocity jog: the tool stands: " + told[-1]]
+    pad.wait(0.5)
+    assert core.velocity_jog.obstacle == ""
+
+
 def test_a_call_of_power_lets_go():
     pad = Pad().jogging()
     pad.story.core.note_disturbance("a call of power")

@@ -12,7 +12,6 @@ from jaka_ros_driver.client.core.velocity_jog.ramp import (
     JogRamp,
     JogSpeeds,
     Wish,
-    joint_velocity,
     require_possible,
     speed_to_stop_within,
 )
@@ -174,13 +173,6 @@ def test_through_singularities_no_joint_is_faster_than_it_may_be(singular, axis)
         assert watched.brake() * CYCLE <= LONGEST_BRAKE_S
 
 
-def test_away_from_singularities_the_joints_do_exactly_what_is_asked():
-    twist = np.array((0.1, -0.2, 0.05, 0.3, 0.1, -0.2))
-    place = jacobian(MODEL, HOME, TOOL)
-    velocity = np.array(joint_velocity(place, twist))
-    assert place @ velocity == pytest.approx(twist, rel=1e-2, abs=1e-3)
-
-
 @pytest.mark.parametrize("wish, told", [
     (joints(3.3), "joint 1 is asked for 3.3 rad/s"), (joints(0.0, -3.3), "joint 2"),
     (joints(float("nan")), "finite"), (joints(math.inf), "finite"), (Wish(JogFrame.JOINT, (0.1,) * 5), "finite"),
@@ -212,11 +204,11 @@ def twist_of(watched):
                                                   (3, 0.5, JOINT_ACCELERATION_CEILING)])
 def test_another_direction_is_taken_up_on_a_straight_line_as_fast_as_the_tool_may(first, size, ceiling):
     before = [0.0] * first
-    watched = Watched().step(of_tool(*before, size), 40)
+    watched = Watched().step(of_tool(*before, size), 10)
     for cycle in range(1, 6):
         twist = twist_of(watched.step(of_tool(*before, 0.0, size)))
         gained = cycle * ceiling * CYCLE / math.sqrt(2.0)
-        assert twist[first + 1] == pytest.approx(gained, rel=0.05)
+        assert twist[first + 1] == pytest.approx(gained, rel=0.1)
         assert twist[first] == pytest.approx(size - gained, abs=0.03)
 
 

@@ -8,6 +8,7 @@ from diagnostic_updater import DiagnosticStatusWrapper
 from jaka_ros_driver.audit.chain import ChainLink
 from jaka_ros_driver.audit.log import Health
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.params import DriverConfig
@@ -47,7 +48,7 @@ class Bench:
         self.audit = Health("", 0, 0, 7, ChainLink(7, "ab"))
         self.arm = SimpleNamespace(
             fresh_state=self.fresh_state, state=STATE, is_simulated=False, is_servo_active=False, late_servo_cycles=0,
-            is_stream_moving=None, motion_owner=None, foreign_motion="", jogged_by="", last_jog_end="",
+            is_stream_moving=None, motion_owner=None, foreign_motion="", velocity_jog=JogReport("", "", ""),
             model=load_model("zu7"),
             guard=SimpleNamespace(health=lambda: self.guard),
             link_health=SimpleNamespace(command_is_up=True, status_is_up=True, connections=1, last_error="",
@@ -207,9 +208,10 @@ def test_late_cycles_are_those_of_the_last_second(bench):
 
 def test_who_holds_a_velocity_jog(bench):
     assert bench.level("velocity jog") == (OK, "not held")
-    bench.arm.jogged_by, bench.arm.last_jog_end = "/pad", "silence"
+    bench.arm.velocity_jog = JogReport("/pad", "silence", "joint 4 is at its limit")
     level, words, values = bench.look("velocity jog")
     assert (level, words, values["last end"]) == (OK, "held by /pad", "silence")
+    assert values["stands at"] == "joint 4 is at its limit"
 
 
 def test_the_model(bench):
@@ -232,7 +234,7 @@ def test_versions(bench):
 
 
 def test_a_check_that_fails_says_so_and_no_more(bench):
-    del bench.arm.jogged_by
+    del bench.arm.velocity_jog
     level, words, _ = bench.look("velocity jog")
     assert level == ERROR and "this check failed" in words
     assert bench.level("arm")[0] == OK

@@ -1,5 +1,6 @@
 """The messages of the velocity jog's topics, as they are read and given to the core."""
 import math
+from types import SimpleNamespace
 
 import pytest
 import rospy
@@ -17,6 +18,8 @@ from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 PLAIN, LEFT = FrameNames(DriverConfig()), FrameNames(DriverConfig(frame_prefix="left_"))
 NOW = 1000.0
+TURNED = (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0)
+"""A user frame, whose x is the base's y."""
 TOOL = IDENTITY[:9] + (0.0, 0.0, 0.1)
 
 
@@ -26,10 +29,12 @@ class Arm:
     def __init__(self):
         self.told = []
         self.is_stale = False
+        self.user_frame_id = 0
 
     def fresh_state(self):
         if self.is_stale:
             raise ConnectionLost("no fresh state")
+        return SimpleNamespace(user_frame_id=self.user_frame_id)
 
     def jog_velocity(self, message):
         self.told.append(message)
@@ -39,10 +44,13 @@ class Frames:
     """A frame table that knows the active tool, or not."""
 
     def __init__(self):
-        self.tool = TOOL
+        self.tool, self.users = TOOL, {0: IDENTITY, 3: TURNED}
 
     def flange_t_tool(self, state):
         return self.tool
+
+    def base_t_user(self, state):
+        return self.users.get(state.user_frame_id)
 
 
 @pytest.fixture
@@ -114,6 +122,22 @@ def test_the_core_is_told_who_said_what_and_how_old_it_is(topics):
     assert told.stamp_ns == int((NOW - 0.05) * 1e9) and told.wish.velocity[0] == 0.1
     told = topics.say("~jog_twist", twist("tool", y=0.2), publisher="/other")
     assert told.source == "/other on ~jog_twist" and told.wish == (JogFrame.TOOL, (0.0, 0.2, 0.0, 0.0, 0.0, 0.0), TOOL)
+
+
+@pytest.mark.parametrize("number, frame_id, velocity", [
+    (3, "user", (0.0, 0.2)), (3, "user_frame_3", (0.0, 0.2)), (3, "base", (0.2, 0.0)), (0, "user", (0.2, 0.0))])
+def test_the_user_frame_is_the_active_one_and_base_the_true_base(topics, number, frame_id, velocity):
+    topics._arm.user_frame_id = number
+    message = twist(frame_id, x=0.2)
+    message.twist.angular.x = 0.2
+    wish = topics.say("~jog_twist", message).wish
+    assert wish.frame is JogFrame.BASE and wish.velocity == (*velocity, 0.0, *velocity, 0.0)
+
+
+def test_a_user_frame_that_is_not_known_or_not_active_is_refused(topics):
+    topics._arm.user_frame_id = 4
+    assert topics.say("~jog_twist", twist("user", x=0.2)).problem == "the active user frame is not known yet"
+    assert "frame_id is 'user_frame_3'; valid: " in topics.say("~jog_twist", twist("user_frame_3", x=0.2)).problem
 
 
 def test_turning_is_read_behind_moving(topics):

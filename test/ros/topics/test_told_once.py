@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import eventually
 
 from jaka_msgs import msg as messages
+from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
@@ -66,6 +67,7 @@ class Arm:
         self.stops, self.trajectory, self.followed, self.cancels, self.stopped = 7, None, [], 0, 0
         self.error = None
         self.foreign_motion = ""
+        self.velocity_jog = JogReport("", "", "")
 
     def add_listener(self, listener):
         self.arrived = listener
@@ -92,7 +94,7 @@ def ends(ros):
     arm = Arm()
     one = motion_ends.MotionEnds(arm)
     one.start()
-    yield SimpleNamespace(ends=one, arrived=arm.arrived, moves=ros.topics["~motion_state"].messages,
+    yield SimpleNamespace(ends=one, arm=arm, arrived=arm.arrived, moves=ros.topics["~motion_state"].messages,
                           programs=ros.topics["~program/state"].messages)
     one.close()
 
@@ -107,6 +109,16 @@ def test_each_move_has_an_id_and_its_own_end(ends):
     assert [(one.id, one.state) for one in ends.moves] == [
         ("1", kinds.ACCEPTED), ("2", kinds.ACCEPTED), ("2", kinds.STOPPED), ("1", kinds.COMPLETED)]
     assert ends.moves[2].reason.startswith("stopped by request") and "reached" in ends.moves[3].reason
+
+
+def test_a_jog_that_stands_is_told_with_its_reason_once_and_that_it_goes_on(ends):
+    for obstacle in ("", "wrist singularity: jog joint 5", "wrist singularity: jog joint 5", ""):
+        ends.arm.velocity_jog = JogReport("/pad", "", obstacle)
+        ends.arrived(state(), True)
+    ends.ends.close()
+    kinds = messages.MotionState
+    assert [(one.id, one.state, one.reason) for one in ends.moves] == [
+        ("jog", kinds.STOPPED, "wrist singularity: jog joint 5"), ("jog", kinds.ACCEPTED, "")]
 
 
 def test_a_program_is_told_when_it_changes_and_only_then(ends):

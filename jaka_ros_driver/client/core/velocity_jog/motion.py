@@ -1,6 +1,6 @@
 """The motion of a velocity jog: streamed as joint frames while the dead-man is held; braked when it is not."""
 import logging
-from typing import Optional
+from typing import NamedTuple, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -16,8 +16,26 @@ _IDLE_S = 1.0
 """Time, s, of wanted rest after which servo mode is left, so that others can have the arm."""
 
 
+class JogReport(NamedTuple):
+    """The velocity jog as it is to be shown.
+
+    Attributes:
+        held_by: The publisher that holds the dead-man; "" for nobody.
+        last_end: The reason for which it was released last, in words.
+        obstacle: The reason why the tool stands, though it is asked to move; "" where it does not.
+    """
+
+    held_by: str
+    last_end: str
+    obstacle: str
+
+
 class VelocityJog(Streaming):
-    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself."""
+    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself.
+
+    Attributes:
+        obstacle: Why the tool stands, though it is asked to move; "" where it does not.
+    """
 
     owner = MotionOwner.VELOCITY_JOG
 
@@ -38,6 +56,7 @@ class VelocityJog(Streaming):
         self._grip = dead_man.grip
         self._ramp: Optional[JogRamp] = None
         self._idle_since: Optional[float] = None
+        self.obstacle = ""
 
     # ---- life ----
 
@@ -72,7 +91,12 @@ class VelocityJog(Streaming):
             self._idle_since = now
         elif now - self._idle_since >= _IDLE_S:
             self._leave("the jog has rested for %g s" % _IDLE_S)
-        return ServoJoint(self._ramp.step(wish, self._scale))
+        joints = self._ramp.step(wish, self._scale)
+        if self._ramp.obstacle != self.obstacle:
+            self.obstacle = self._ramp.obstacle
+            if self.obstacle:
+                self._custody.actions.log(logging.WARNING, "velocity jog: the tool stands: %s" % self.obstacle)
+        return ServoJoint(joints)
 
     def _sent_point(self) -> Vector:
         assert self._ramp is not None
@@ -100,6 +124,7 @@ class VelocityJog(Streaming):
         self.is_leaving = True
 
     def _release(self) -> None:
+        self.obstacle = ""
         if self._leave_reason is None:
             self._leave(self._dead_man.last_end)
             self._custody.actions.log(logging.INFO, "velocity jog: %s; the arm brakes" % self._leave_reason)

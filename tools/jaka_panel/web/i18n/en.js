@@ -192,6 +192,7 @@ export const en = {
   'jog.speed': 'Jog speed',
   'jog.idle': 'Hold a button to move the arm; let it go to stop.',
   'jog.holding': 'Moving {axis}',
+  'jog.stands': 'The tool stands: {why}',
   'jog.hint': 'With the keyboard: hold Enter on a button. The arm moves only while this page is in front and has the focus.',
   'jog.stale': 'What is shown is not live: no jog',
   'jog.end': 'Ended: {why}. Let the button go and press it again.',

@@ -192,6 +192,7 @@ export const zh = {
   'jog.speed': '点动速度',
   'jog.idle': '按住按钮移动机械臂，松开即停。',
   'jog.holding': '正在移动 {axis}',
+  'jog.stands': '工具停住：{why}',
   'jog.hint': '键盘操作：在按钮上按住回车键。只有此页面在最前并拥有焦点时，机械臂才会移动。',
   'jog.stale': '显示的不是实时数据：不能点动',
   'jog.end': '已结束：{why}。请松开后重新按下。',

@@ -147,6 +147,11 @@ export function mountJog(root, app) {
       else if (message.hold === hold.number && message.why !== 'released') sayEnd(message.why);
     }
   });
+  store.on('motion', (message) => {
+    if (message.id !== 'jog' || message.arm !== store.chosen || message.state !== 'stopped' || !hold.isHeld) return;
+    setText(said, 'jog.stands', { why: message.reason });
+    said.classList.add('bad');
+  });
   endWhenUnseen((why) => hold.end(why));
 }
 
