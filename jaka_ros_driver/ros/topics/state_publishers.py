@@ -38,7 +38,7 @@ class Sample(NamedTuple):
     state: RobotState
     stamp: rospy.Time
     is_servo_active: bool
-    is_stream_moving: bool
+    is_stream_moving: Optional[bool]
 
 
 class FrameNames:

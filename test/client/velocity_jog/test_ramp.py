@@ -19,7 +19,12 @@ from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward, jacobian
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, TCP_ACCELERATION_CEILING
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    SERVO_PERIOD_S,
+    TCP_ACCELERATION_CEILING,
+    stream_limits,
+)
 from jaka_ros_driver.kinematics.rotations import compose, rotation_vector_from_matrix, transform, turn_between
 
 MODEL = load_model("zu7")
@@ -120,7 +125,7 @@ def test_the_speed_override_slows_everything():
 
 
 def test_a_joint_stops_at_its_limit_and_others_go_on():
-    low, high = MODEL.joint_limits[2]
+    high = stream_limits(MODEL)[2][1]
     watched = Watched(HOME[:2] + (high - 0.05,) + HOME[3:]).step(joints(0.3, 0.0, 1.0), 60)
     assert watched.path[-1][2] == pytest.approx(high) and watched.velocity[0] == pytest.approx(0.3)
     assert watched.velocity[2] == pytest.approx(0.0, abs=1e-9)

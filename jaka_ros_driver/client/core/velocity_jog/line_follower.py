@@ -21,7 +21,12 @@ from jaka_ros_driver.kinematics.forward import (
     link_transforms,
     signed_measures,
 )
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, TCP_ACCELERATION_CEILING
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    SERVO_PERIOD_S,
+    TCP_ACCELERATION_CEILING,
+    stream_limits,
+)
 from jaka_ros_driver.kinematics.rotations import Transform, compose, invert, turn_between
 from jaka_ros_driver.state import Vector
 
@@ -92,6 +97,7 @@ class LineFollower:
         self.obstacle = ""
         self._tool_t_flange = invert(flange_t_tool)
         self._model, self._tops, self._longest_brake = model, tops, longest_brake
+        self._limits = stream_limits(model)
         margins = _MARGINS if model.family in (THREE_PARALLEL, SPHERICAL_WRIST) else _MARGINS_OF_ONE
         self._margins = [min(margin, abs(measure)) for margin, measure in zip(margins, self.now.measures)]
         self._line: Optional[JogLine] = None
@@ -267,7 +273,7 @@ class LineFollower:
     def _checked(self, now: LineStep, step: LineStep) -> Optional[LineStep]:
         """Return the step; None, with the trouble noted, where a joint leaves its limits or a singularity is near."""
         for joint, (before, angle, (low, high)) in enumerate(zip(now.joint_position, step.joint_position,
-                                                                 self._model.joint_limits), 1):
+                                                                 self._limits), 1):
             if not min(low, before) <= angle <= max(high, before):
                 self._trouble = "joint %d is at its limit" % joint
                 return None

@@ -14,6 +14,7 @@ from jaka_ros_driver.kinematics.limits import (
     FLOAT32_SLACK,
     SERVO_PERIOD_S,
     joint_speed_limit,
+    stream_limits,
     tcp_speed_limit,
     top_joint_speeds,
 )
@@ -102,6 +103,7 @@ class JogRamp:
         self.velocity: Vector = _NOTHING
         self._model = model
         self._speeds = speeds
+        self._limits = stream_limits(model)
         self._tops = [min(top, FASTEST_JOINT) for top in model.joint_max_speed]
         self._follower: Optional[LineFollower] = None
         self._brake: Optional[Vector] = None
@@ -155,12 +157,12 @@ class JogRamp:
 
     def _bounds(self, joint: int) -> Tuple[float, float]:
         """Return the lowest and the highest speed of the next cycle from which a joint stops within its limits."""
-        (low, high), position, top = self._model.joint_limits[joint], self.position[joint], self._tops[joint]
+        (low, high), position, top = self._limits[joint], self.position[joint], self._tops[joint]
         return -min(top, speed_to_stop_within(position - low)), min(top, speed_to_stop_within(high - position))
 
     def _within_limits(self, joint: int, position: float) -> float:
         """Clamp a joint to its limits; one that began beyond a limit is not pushed back, the rest is rounding."""
-        (low, high), before = self._model.joint_limits[joint], self.position[joint]
+        (low, high), before = self._limits[joint], self.position[joint]
         return min(max(position, min(low, before)), max(high, before))
 
     def _braked(self) -> Vector:
