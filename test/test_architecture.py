@@ -42,7 +42,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "kinematics": DOMAIN,
         "protocol": DOMAIN,
         "trajectory": DOMAIN | {"kinematics"},
-        "client": DOMAIN | {"kinematics", "protocol", "trajectory"},
+        "client": DOMAIN | {"kinematics", "protocol", "trajectory", "clearance"},
         "wire": DOMAIN | {"protocol"},
         "audit": set(),
         "simulation": DOMAIN | SIMULATION | {"kinematics", "protocol", "wire"},
@@ -51,7 +51,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "simulation.controller": DOMAIN | {"kinematics", "protocol", "simulation.arm", "simulation.dialect"},
         "simulation.server": DOMAIN | {"kinematics", "protocol", "wire", "simulation.arm", "simulation.dialect",
                                        "simulation.controller"},
-        "ros": DOMAIN | {"kinematics", "protocol", "trajectory", "client", "audit"},
+        "ros": DOMAIN | {"kinematics", "protocol", "trajectory", "client", "audit", "clearance"},
     }),
     **rooms("jaka_bag", {
         "": CONTAINERS | {"operations"},  # the names it lends to programs

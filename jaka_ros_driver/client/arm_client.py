@@ -29,6 +29,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
@@ -372,6 +373,11 @@ class ArmClient:
         """The reason for which the dead-man was released last, in words."""
         return self._core.dead_man.last_end
 
+    def know_tools(self, tools: Optional[Sequence[Transform]]) -> None:
+        """Take note of the controller's tools, ``flange_t_tool`` by tool id; None while they are not known."""
+        with self._lock:
+            self._core.custody.motion_check.tools = tools
+
     @property
     def stops(self) -> int:
         """The number of stops that were asked for; see ``follow``."""
@@ -425,7 +431,7 @@ class ArmClient:
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
-        path = followed_path(start, trajectory, elapsed, self.model, self.settings)
+        path = followed_path(start, trajectory, elapsed, self.model, self.settings, self._core.custody.motion_check)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:

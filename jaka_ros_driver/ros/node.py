@@ -15,6 +15,7 @@ from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.actions import NotifyGuard
+from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
@@ -165,6 +166,11 @@ class DriverNode:
                 self._recorder.event("driver", True, level="INFO", text="auto_enable: the arm is to be powered and "
                                      "enabled once it is seen without a fault; asked for by ~auto_enable")
                 self._arm.auto_enable()
+        if self._config.guard_motion != STOP:
+            _LOG.warning("~guard_motion is %s: a motion that would hit the arm itself or a zone is not refused",
+                         self._config.guard_motion)
+        if self._config.workspace:
+            _LOG.info("the motion guard keeps the zones of %s", self._config.workspace)
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
 

@@ -86,11 +86,15 @@ class PointStream(Trajectory):
         """Follow the next point, from the next cycle on.
 
         Raises:
-            InvalidCommand: The stream is being ended, or a joint cannot follow; the points before are kept.
+            InvalidCommand: The stream is being ended, a joint cannot follow, or the way to the point is not clear; the
+                points before are kept.
         """
         if self.is_leaving:
             raise InvalidCommand("refused: the stream before this point is being ended; send it again")
         if self._is_entered:
+            trouble = self._look((self._end, point.position))
+            if trouble:
+                raise InvalidCommand("refused: on the way to the point %s" % trouble)
             self._follower.add(point.position, point.due, now)
             self._end = point.position
         else:
@@ -120,6 +124,7 @@ class PointStream(Trajectory):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its stream began"), now)
             return
         self._clock = self._follower = PointFollower(self._follower.position, self._model, now)
+        self._is_guarded(self._follower.position)
         point = self._newest
         try:
             self.take(point._replace(due=max(point.due, now)), now)
@@ -130,6 +135,9 @@ class PointStream(Trajectory):
     def _not_entered(self, error: JakaError) -> None:
         self._gate.close(str(error))
         self._custody.actions.log(logging.WARNING, "the stream of points is not followed: %s" % error)
+
+    def _stand(self) -> Vector:
+        return self._end
 
     def _frame(self, now: float) -> ServoJoint:
         self._follower.now = now
