@@ -184,7 +184,8 @@ class MotionCheck:
         trouble = self._guard.first_trouble((start, target))
         return "" if trouble is None else "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
 
-    def _line_trouble(self, command: Union[LinearMove, ArcMove], start: Vector, frames: ToolFrames, ends: List[Place]) -> str:
+    def _line_trouble(self, command: Union[LinearMove, ArcMove], start: Vector, frames: ToolFrames,
+                      ends: List[Place]) -> str:
         try:
             inverse(self._model, frames.flange_at(command.target), start)
         except UnreachablePose as error:
