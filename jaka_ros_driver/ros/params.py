@@ -255,13 +255,12 @@ class DriverConfig:
         None, "keys with values", "", ", ".join(KEYS), "A gripper on digital outputs, with an action for MoveIt "
         "(gripper.md). Default: none, and no action.", gripper_from)
     guard_motion: str = _choice(
-        _CLIENT.guard_motion, (STOP, WARN, OFF), "What the motion guard does with a motion that would come too near to "
-        "the arm itself, to a zone of `workspace`, or to an end of what the arm can do. stop: it is refused before it "
-        "begins, and braked while it lasts. warn: it is logged, and sent. off: nobody looks. It is no safety function "
-        "(motion_guard.md).")
+        _CLIENT.guard_motion, (STOP, WARN, OFF), "What is done with a motion that would hit the arm itself or a zone, or "
+        "cannot be followed. stop: it is refused before it begins, and braked while it lasts. warn: it is logged, and "
+        "sent. off: nobody looks. It is no safety function (motion_guard.md).")
     workspace: str = _parameter(
-        "", "text", "", "empty, or path of a YAML file", "Zones around the arm that the motion guard keeps it out of, "
-        "or within, and the shape of its tool (motion_guard.md). Empty: none.", _workspace)
+        "", "text", "", "empty, or path of a YAML file", "Zones around the arm that it is kept out of or within, and "
+        "the shape of its tool (motion_guard.md). Empty: none.", _workspace)
     realtime_priority: int = _integer(
         0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames "
         "then keep their interval beside other load. 0 leaves the scheduler as it is.")
