@@ -4,6 +4,8 @@ import math
 import time
 
 import pytest
+import rospy
+import yaml
 from driver_bench import HOME, SimulatorProcess
 from waiting import eventually
 
@@ -13,16 +15,15 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 
 INTO_THE_BASE = [1.781, -0.866, -2.694, 0.38, 0.163, -3.141]
 SPEED = {"mvvelo": 2.0, "mvacc": 8.0}
-POST = {"cylinders": [{"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}]}
-GUARD = MotionGuard(load_model("zu7"), workspace_of(POST))
+POST = {"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}
+GUARD = MotionGuard(load_model("zu7"), workspace_of({"cylinders": [POST]}))
 
 
 @pytest.fixture(scope="module")
 def guarded(ros_node, driven_by, tmp_path_factory):
     """Start a driver with a post beside the arm."""
-    import rospy
     file = tmp_path_factory.mktemp("workspace") / "post.yaml"
-    file.write_text("cylinders:\n  - {name: post, foot: [0.2, 0.35, 0.0], height: 1.0, radius: 0.05}\n")
+    file.write_text(yaml.safe_dump({"cylinders": [POST]}))
     rospy.set_param("/jaka_driver/workspace", str(file))
     try:
         with contextlib.closing(SimulatorProcess("--start", "enabled")) as process, driven_by(process) as arm:
@@ -38,7 +39,8 @@ def joints(arm):
 
 def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goes(guarded):
     refused = guarded.call("joint_move", pose=INTO_THE_BASE, **SPEED)
-    assert refused.ret != 1 and "of the way" in refused.message and "from the base; at least 10 mm are kept" in refused.message
+    assert refused.ret != 1 and "of the way" in refused.message
+    assert "from the base; at least 10 mm are kept" in refused.message
     assert not guarded.simulator.is_moving()
     legal = guarded.call("joint_move", pose=[-0.2] + HOME[1:], **SPEED)
     assert legal.ret == 1, legal.message
