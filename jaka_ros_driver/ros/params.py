@@ -255,9 +255,10 @@ class DriverConfig:
         None, "keys with values", "", ", ".join(KEYS), "A gripper on digital outputs, with an action for MoveIt "
         "(gripper.md). Default: none, and no action.", gripper_from)
     guard_motion: str = _choice(
-        _CLIENT.guard_motion, (STOP, WARN, OFF), "What is done with a motion that would hit the arm itself or a zone, "
-        "or cannot be followed. stop: it is refused before it begins, and braked while it lasts. warn: it is logged, and "
-        "sent. off: nobody looks. It is no safety function (motion_guard.md).")
+        _CLIENT.guard_motion, (STOP, WARN, OFF),
+        "What is done with a motion that would hit the arm itself or a zone, or cannot be followed. stop: it is "
+        "refused before it begins, and braked while it lasts. warn: it is logged, and sent. off: nobody looks. It is "
+        "no safety function (motion_guard.md).")
     workspace: str = _parameter(
         "", "text", "", "empty, or path of a YAML file", "Zones around the arm that it is kept out of or within, and "
         "the shape of its tool (motion_guard.md). Empty: none.", _workspace)
