@@ -201,9 +201,7 @@ class ArmClient:
 
     @property
     def is_motion_possible(self) -> bool:
-        """True where this driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has
-        the arm.
-        """
+        """True where this driver can move the arm, or moves it: nothing forbids it, and nobody else has the arm."""
         return self._core.is_motion_possible(time.monotonic())
 
     def is_hand_guided(self, state: RobotState) -> bool:
@@ -255,8 +253,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
     def move(self, command: c.MoveCommand, wait: bool = True) -> None:
-        """Move to the command's target; return, with ``wait``, when the arm is there, otherwise on the controller's
-        acceptance.
+        """Move to the command's target; return, with ``wait``, when the arm is there, else when it is accepted.
 
         Raises:
             InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
@@ -321,9 +318,7 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
-        ends.
-        """
+        """Resume the paused program, as ``play_program`` does; where this driver plays it, the first future ends."""
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end
@@ -374,7 +369,7 @@ class ArmClient:
         return self._core.dead_man.last_end
 
     def know_tools(self, tools: Optional[Sequence[Transform]]) -> None:
-        """Take note of the controller's tools, ``flange_t_tool`` by tool id; None while they are not known."""
+        """Note the controller's tools for the motion guard: ``flange_t_tool`` by id; None while not known."""
         with self._lock:
             self._core.custody.motion_check.tools = tools
 

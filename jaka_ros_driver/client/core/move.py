@@ -6,7 +6,7 @@ from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
-from jaka_ros_driver.client.core.motion_guard.motion_check import Place
+from jaka_ros_driver.client.core.motion_guard.motion_check import StartPlace
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, MoveCommand, PathCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
@@ -52,7 +52,7 @@ class Move(ArmMotion):
     """True while it is paused by a call; that time does not count."""
 
     def __init__(self, custody: Custody, command: MoveCommand, call: Token, waits: bool, state: RobotState,
-                 place: Place, end: Token = None) -> None:
+                 place: StartPlace, end: Token = None) -> None:
         """Set up the motion.
 
         Args:
@@ -80,7 +80,7 @@ class Move(ArmMotion):
     def begin(self, now: float) -> None:
         self._send(self._parts[0], now)
 
-    def add(self, command: MoveCommand, call: Token, now: float, place: Place, end: Token = None) -> None:
+    def add(self, command: MoveCommand, call: Token, now: float, place: StartPlace, end: Token = None) -> None:
         """Queue another move behind the running ones; answered with the controller's acceptance.
 
         place: Where it ends.
@@ -141,7 +141,7 @@ class Move(ArmMotion):
         self._answer(part, error)
         self._end(part, error)
         self._parts.remove(part)
-        self.place = Place.unknown()
+        self.place = StartPlace.unknown()
         if not self._parts or not isinstance(error, CommandRejected):  # refused, it leaves the others of the queue
             self._custody.not_accepted(error, now)
 

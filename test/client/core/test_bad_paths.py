@@ -6,7 +6,7 @@ import pytest
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, Place
+from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, StartPlace
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import InvalidCommand
@@ -117,12 +117,12 @@ def test_there_are_thirty():
 def test_a_bad_motion_is_refused_with_place_and_reason(model, motion, workspace, text):
     start, command = motion(model)
     with pytest.raises(InvalidCommand, match="^refused: " + text):
-        check_of(model, workspace).after_move(command, Place(start, ToolFrames(IDENTITY, IDENTITY)))
+        check_of(model, workspace).after_move(command, StartPlace(start, ToolFrames(IDENTITY, IDENTITY)))
 
 
 @pytest.mark.parametrize("model", model_names())
 def test_a_short_line_and_a_short_joint_move_of_each_model_are_clear(model):
-    check, start = check_of(model), Place((0.3, 1.2, -1.4, 1.4, 1.3, 0.2), ToolFrames(IDENTITY, IDENTITY))
+    check, start = check_of(model), StartPlace((0.3, 1.2, -1.4, 1.4, 1.3, 0.2), ToolFrames(IDENTITY, IDENTITY))
     end = check.after_move(c.LinearMove(shifted(model, start.joints, x=0.02, z=0.03, rz=0.1), 0.2, 1.0), start)
     assert end.joints is not None and max(abs(a - b) for a, b in zip(end.joints, start.joints)) < 0.5
     reached = pose_from_transform(forward(load_model(model), end.joints))
@@ -139,13 +139,13 @@ def test_a_line_is_walked_with_tool_and_user_frame(base_t_user):
     begin = frames.tool_at(model, HOME)
     to = pose_from_transform(begin)
     to = c.Pose((to.position[0] - 0.05, to.position[1] + 0.04, to.position[2]), to.rpy)
-    end = check_of("zu7").after_move(c.LinearMove(to, 0.2, 1.0), Place(HOME, frames))
+    end = check_of("zu7").after_move(c.LinearMove(to, 0.2, 1.0), StartPlace(HOME, frames))
     assert frames.tool_at(model, end.joints) == pytest.approx(transform_from_pose(to), abs=1e-6)
 
 
 def test_without_frames_a_line_is_not_looked_at_and_what_follows_is_looked_at_where_it_ends():
     check = check_of("zu7")
-    after = check.after_move(line(x=2.0)("zu7")[1], Place(HOME, None))
+    after = check.after_move(line(x=2.0)("zu7")[1], StartPlace(HOME, None))
     assert after.joints is None
     with pytest.raises(InvalidCommand, match="refused: the flange "):
         check.after_move(c.JointMove((1.781, -0.866, -2.694, 0.38, 0.163, -3.141), 1.0, 4.0), after)

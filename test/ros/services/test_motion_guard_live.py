@@ -15,7 +15,7 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 
 INTO_THE_BASE = [1.781, -0.866, -2.694, 0.38, 0.163, -3.141]
 SPEED = {"mvvelo": 2.0, "mvacc": 8.0}
-POST = {"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}
+POST = {"name": "post", "foot": [0.2, -0.35, 0.0], "height": 1.0, "radius": 0.05}
 GUARD = MotionGuard(load_model("zu7"), workspace_of({"cylinders": [POST]}))
 
 
@@ -42,13 +42,13 @@ def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goe
     assert refused.ret != 1 and "of the way" in refused.message
     assert "from the base; at least 10 mm are kept" in refused.message
     assert not guarded.simulator.is_moving()
-    legal = guarded.call("joint_move", pose=[-0.2] + HOME[1:], **SPEED)
+    legal = guarded.call("joint_move", pose=[0.2] + HOME[1:], **SPEED)
     assert legal.ret == 1, legal.message
     assert guarded.call("joint_move", pose=HOME, **SPEED).ret == 1
 
 
 def test_a_move_into_a_zone_of_the_file_is_refused(guarded):
-    refused = guarded.call("joint_move", pose=[1.6] + HOME[1:], **SPEED)
+    refused = guarded.call("joint_move", pose=[-1.6] + HOME[1:], **SPEED)
     assert refused.ret != 1 and "from the cylinder 'post'" in refused.message
 
 
@@ -56,9 +56,9 @@ def test_a_servo_stream_towards_the_zone_stands_before_it(guarded):
     assert guarded.call("servo_move_enable", enable=True).ret == 1
     target, reply = 0.0, None
     while reply is None or reply.ret == 1:
-        target += 0.004
+        target -= 0.004
         reply = guarded.call("servo_j", pose=[target] + HOME[1:])
-        assert target < 1.6
+        assert target > -1.6
         time.sleep(0.008)  # the pace of the client is the subject
     assert "refused: on the way to the servo target" in reply.message and "'post'" in reply.message
     assert eventually(lambda: not guarded.simulator.is_moving())

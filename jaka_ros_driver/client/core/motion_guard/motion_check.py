@@ -30,7 +30,7 @@ acceleration a joint is at most 3 mrad beside it.
 """
 
 
-class Place(NamedTuple):
+class StartPlace(NamedTuple):
     """The place where a motion begins.
 
     Attributes:
@@ -42,7 +42,7 @@ class Place(NamedTuple):
     frames: Optional[ToolFrames]
 
     @classmethod
-    def unknown(cls) -> "Place":
+    def unknown(cls) -> "StartPlace":
         """Return a place of which nothing is known."""
         return cls(None, None)
 
@@ -76,18 +76,18 @@ class MotionCheck:
         space, act = ClearSpace(self._guard, self._reaches, DEFAULT_MARGIN), self._actor()
         return lambda way: act(lambda: space.trouble(way))
 
-    def place_of(self, state: RobotState) -> Place:
+    def place_of(self, state: RobotState) -> StartPlace:
         """Return the place of an arm at rest."""
-        return Place(state.joint_position, tool_frames(self._model, state, self.tools))
+        return StartPlace(state.joint_position, tool_frames(self._model, state, self.tools))
 
-    def after_move(self, command: PathCommand, start: Place) -> Place:
+    def after_move(self, command: PathCommand, start: StartPlace) -> StartPlace:
         """Check one move from its start; return the place where it ends.
 
         Raises:
             InvalidCommand: It would come too near to something, or cannot be followed; the message has place and
                 reason.
         """
-        ends = [Place(command.joint_position if isinstance(command, JointMove) else None, start.frames)]
+        ends = [StartPlace(command.joint_position if isinstance(command, JointMove) else None, start.frames)]
         if self.is_on:
             self.judge(lambda: self._move_trouble(command, start, ends))
         return ends[-1]
@@ -170,7 +170,7 @@ class MotionCheck:
         begin, end = times[trouble.index], times[min(trouble.index + 1, len(times) - 1)]
         return "after %.3f s %s" % (begin + trouble.share * (end - begin), trouble.reason)
 
-    def _move_trouble(self, command: PathCommand, start: Place, ends: List[Place]) -> str:
+    def _move_trouble(self, command: PathCommand, start: StartPlace, ends: List[StartPlace]) -> str:
         if isinstance(command, JointMove):
             return self._joint_trouble(command.joint_position, start.joints)
         if start.joints is None or start.frames is None:
@@ -185,7 +185,7 @@ class MotionCheck:
         return "" if trouble is None else "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
 
     def _line_trouble(self, command: Union[LinearMove, ArcMove], start: Vector, frames: ToolFrames,
-                      ends: List[Place]) -> str:
+                      ends: List[StartPlace]) -> str:
         try:
             inverse(self._model, frames.flange_at(command.target), start)
         except UnreachablePose as error:
@@ -196,7 +196,7 @@ class MotionCheck:
             return _place_text(way.share_at(trouble.index, trouble.share), way.length, trouble.reason)
         if way.early_end is not None:
             return _place_text(way.early_end.share, way.length, "it cannot go on: " + way.early_end.reason)
-        ends.append(Place(way.end, frames))
+        ends.append(StartPlace(way.end, frames))
         return ""
 
     def _tell_unknown_frames(self) -> None:

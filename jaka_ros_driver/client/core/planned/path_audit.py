@@ -5,7 +5,7 @@ line between two places within reach may leave it, and the controller then stops
 """
 from typing import Callable, Sequence
 
-from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, Place
+from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, StartPlace
 from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.commands import (
     ArcMove,
@@ -70,7 +70,8 @@ def _joints_at(pose: Pose, reference: Vector, audited: Callable[[Command], Comma
     return joints
 
 
-def _looked_at(motion_check: MotionCheck, command: PathCommand, place: Place, joints: Vector, number: int) -> Place:
+def _looked_at(motion_check: MotionCheck, command: PathCommand, place: StartPlace, joints: Vector,
+               number: int) -> StartPlace:
     """Return the place behind a segment whose way is clear; where its joints are not known, those of the controller."""
     try:
         place = motion_check.after_move(command, place)
