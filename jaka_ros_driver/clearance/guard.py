@@ -30,8 +30,8 @@ DEFAULT_MARGIN = 0.01
 FINEST_STEP = 0.005
 """Smallest step along a path, m of the motion of the capsules of a pair relative to each other."""
 
-_FAR = 0.15
-"""Distance, m, above which a cheap lower bound stands for the distance."""
+_FARTHEST = 0.15
+"""Distance beyond the margin, m, above which a path is followed by lower bounds, which cost less than distances."""
 _SAME = 1e-7
 """Difference, m, of distances that count as equal, so that rounding makes nothing worse."""
 _FIRST_ZONED_FRAME = 2
@@ -107,13 +107,15 @@ class MotionGuard:
 
     def trouble(self, joints: Vector) -> str:
         """Return what comes nearer than the margin at these joint angles, rad, shape (6,), as a text; else ""."""
-        nearest = self.nearest(joints)
-        return self._reason(*nearest) if nearest.distance < self._margin else ""
+        gaps = self._gaps(joints, self._margin)
+        lowest = min(gaps)
+        if lowest >= self._margin:
+            return ""
+        return self._reason(lowest, self._checks[gaps.index(lowest)])
 
     def is_worse(self, joints: Vector, than: Vector) -> bool:
         """Return whether a pair is nearer than the margin, and nearer than at the joint angles ``than``."""
-        ends = self._ends(joints)
-        gaps = [check.gap(ends, self._margin) for check in self._checks]
+        gaps = self._gaps(joints, self._margin)
         near = [(check, gap) for check, gap in zip(self._checks, gaps) if gap < self._margin]
         if not near:
             return False
@@ -134,8 +136,10 @@ class MotionGuard:
         points = np.array(joints, dtype=float)
         if not np.isfinite(points).all():
             raise InvalidCommand("the path has joint angles that are not finite")
-        approaches = (np.abs(np.diff(points, axis=0)) @ self._reach).tolist()
-        gaps = self._gaps(joints[0])
+        steps = np.abs(np.diff(points, axis=0)) @ self._reach
+        far = self._margin + min(_FARTHEST, float(steps.sum(axis=0).max()))
+        approaches = steps.tolist()
+        gaps = self._gaps(joints[0], far)
         floors = [min(self._margin, gap - _SAME) for gap in gaps]
         slacks = [gap - floor for gap, floor in zip(gaps, floors)]
         for index, approach in enumerate(approaches):
@@ -151,13 +155,12 @@ class MotionGuard:
                            FINEST_STEP / fastest)
                 share = min(1.0, share + step)
                 here = tuple(a + share * (b - a) for a, b in ways)
-                gaps = self._gaps(here)
+                gaps = self._gaps(here, far)
                 slacks = [gap - floor for gap, floor in zip(gaps, floors)]
                 worst = min(slacks)
                 if worst < 0.0:
                     found = slacks.index(worst)
-                    check = self._checks[found]
-                    return PathTrouble(index, share, here, self._reason(gaps[found], check.first, check.second))
+                    return PathTrouble(index, share, here, self._reason(gaps[found], self._checks[found]))
                 floors = [max(floor, min(self._margin, gap - _SAME)) for floor, gap in zip(floors, gaps)]
                 slacks = [gap - floor for gap, floor in zip(gaps, floors)]
                 if share >= 1.0:
@@ -171,16 +174,16 @@ class MotionGuard:
         return [(point_in_base(frames[capsule.frame], capsule.start), point_in_base(frames[capsule.frame], capsule.end))
                 for capsule in self._capsules]
 
-    def _gaps(self, joints: Vector) -> List[float]:
-        """Return each pair's distance, m, or a lower bound of it that is above ``_FAR``."""
+    def _gaps(self, joints: Vector, enough: float) -> List[float]:
+        """Return each pair's distance, m, or a lower bound of it that is above ``enough``."""
         ends = self._ends(joints)
-        return [check.gap(ends, _FAR) for check in self._checks]
+        return [check.gap(ends, enough) for check in self._checks]
 
-    def _reason(self, distance: float, first: str, second: str) -> str:
+    def _reason(self, distance: float, check: _Check) -> str:
         if distance < 0.0:
-            return "%s runs %.0f mm into %s" % (first, units.m_to_mm(-distance), second)
+            return "%s runs %.0f mm into %s" % (check.first, units.m_to_mm(-distance), check.second)
         return "%s is %.0f mm from %s; at least %.0f mm are kept" % (
-            first, units.m_to_mm(distance), second, units.m_to_mm(self._margin))
+            check.first, units.m_to_mm(distance), check.second, units.m_to_mm(self._margin))
 
 
 def _self_check(model: ArmModel, capsules: Sequence[Capsule], n: int, m: int) -> _Check:

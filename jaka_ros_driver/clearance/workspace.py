@@ -17,6 +17,7 @@ Every key may be missing; ``rpy`` (rotations about the fixed axes x, y, z) too, 
 import difflib
 import math
 import os
+import reprlib
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.clearance.distances import SignedDistance
@@ -133,13 +134,17 @@ def load_workspace(path: str) -> Workspace:
         with open(path, encoding="utf-8") as file:
             content = yaml.load(file, Loader=yaml.SafeLoader)
         return workspace_of({} if content is None else content)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
-        raise InvalidCommand("workspace file %s: cannot be read: %s" % (path, reason)) from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise InvalidCommand("workspace file %s: is no YAML: %s" % (path, " ".join(str(error).split()))) from error
     except InvalidCommand as error:
         raise InvalidCommand("workspace file %s: %s" % (path, error)) from error
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else _one_line(error)
+        raise InvalidCommand("workspace file %s: cannot be read: %s" % (path, reason)) from error
+    except (yaml.YAMLError, RecursionError, ValueError) as error:  # ValueError: a date or a number that is none
+        raise InvalidCommand("workspace file %s: is no YAML: %s" % (path, _one_line(error))) from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def workspace_of(mapping: Any) -> Workspace:
@@ -227,5 +232,8 @@ def _vector(place: str, item: Mapping[str, Any], key: str, low: float, high: flo
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    """Return a value as error texts show it: short, whatever a file's aliases make of it."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python prints no integer of more than 4,300 digits
+        return "a number of thousands of digits"

@@ -73,11 +73,61 @@ def test_joint_angles_that_are_not_finite_are_refused(guard):
 
 @pytest.mark.parametrize("mapping, named", [
     ({"keep_out": [{"name": "press", "centre": [0.4, 0.0, 0.3], "size": [0.2, 0.4, 0.2]}]}, "keep-out box 'press'"),
-    ({"keep_in": [{"name": "cell", "centre": [0.0, 0.0, 0.5], "size": [0.4, 0.4, 1.5]}]}, "keep-in box 'cell'"),
+    ({"keep_in": [{"name": "cell", "centre": [0.0, 0.0, 0.5], "size": [0.4, 0.4, 1.8]}]}, "keep-in box 'cell'"),
     ({"cylinders": [{"name": "post", "foot": [0.42, 0.11, 0.0], "height": 0.5, "radius": 0.03}]}, "cylinder 'post'"),
-    ({"floor": 0.5}, "floor"),
-    ({"tool": [{"name": "gripper", "start": [0, 0, 0], "end": [0, 0, 0.7], "radius": 0.03}], "floor": -0.1}, "gripper"),
+    ({"floor": 0.4}, "the floor"),
+    ({"tool": [{"name": "lance", "start": [0, 0, 0], "end": [0, 0, 0.45], "radius": 0.03}], "floor": -0.1}, "lance"),
 ])
 def test_zones_and_tools_are_named(mapping, named):
     guard = MotionGuard(load_model("zu7"), workspace_of(mapping))
     assert named in guard.trouble(WORKING)
+    found = guard.first_trouble([STANDING, WORKING])
+    assert found is not None and named in found.reason or "floor" in mapping
+
+
+def test_a_part_that_moves_into_a_zone_is_seen_on_the_way_although_both_ends_are_clear():
+    post = {"cylinders": [{"name": "post", "foot": [0.42, 0.11, 0.0], "height": 0.6, "radius": 0.02}]}
+    guard = MotionGuard(load_model("zu7"), workspace_of(post))
+    left, right = (-0.8,) + WORKING[1:], (0.8,) + WORKING[1:]
+    assert guard.trouble(left) == guard.trouble(right) == ""
+    found = guard.first_trouble([WORKING[:0] + left, left, right, left])
+    assert found.index == 1 and 0.0 < found.share < 0.5
+    assert "at least 10 mm are kept" in found.reason and "the cylinder 'post'" in found.reason
+
+
+def test_a_floor_is_the_top_of_a_box_without_end(guard):
+    slab = {"keep_out": [{"name": "slab", "centre": [0.0, 0.0, -9.8], "size": [20.0, 20.0, 20.0]}]}
+    floored = MotionGuard(load_model("zu7"), workspace_of({"floor": 0.2}))
+    boxed, rng = MotionGuard(load_model("zu7"), workspace_of(slab)), random.Random(5)
+    for _ in range(200):
+        joints = dh_oracle.random_joints(load_model("zu7"), rng)
+        assert floored.nearest(joints).distance == pytest.approx(boxed.nearest(joints).distance, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", ["zu7", "a12", "minicobo"])
+def test_no_distance_changes_faster_than_its_bound(name):
+    model, rng = load_model(name), random.Random(6)
+    guard = MotionGuard(model, workspace_of({
+        "keep_out": [{"name": "press", "centre": [0.4, 0.0, 0.3], "size": [0.2, 0.4, 0.2]}], "floor": 0.0,
+        "keep_in": [{"name": "cell", "centre": [0.0, 0.0, 0.5], "size": [1.0, 1.0, 1.0]}],
+        "tool": [{"name": "hook", "start": [0.1, 0, 0.0], "end": [0.1, 0.1, 0.2], "radius": 0.02}]}))
+    steepest = 0.0
+    for _ in range(300):
+        joints = dh_oracle.random_joints(model, rng)
+        step = tuple(rng.choice((-1.0, 0.0, 1.0)) * 10.0 ** rng.uniform(-4.0, 0.0) for _ in joints)
+        moved = tuple(angle + part for angle, part in zip(joints, step))
+        ends, moved_ends = guard._ends(joints), guard._ends(moved)
+        for check in guard._checks:
+            change = abs(check.gap(ends, math.inf) - check.gap(moved_ends, math.inf))
+            bound = sum(abs(part) * reach for part, reach in zip(step, check.reach))
+            assert change <= bound + 1e-6
+            steepest = max(steepest, change / bound if bound else 0.0)
+    assert steepest > 0.9  # the bound is not idle either
+
+
+def test_a_long_plan_is_audited_with_far_fewer_looks_than_points(guard, monkeypatch):
+    looks, gaps = [], guard._gaps
+    monkeypatch.setattr(guard, "_gaps", lambda *of: looks.append(of) or gaps(*of))
+    plan = [tuple(angle + 0.4 * math.sin(0.01 * k + n) for n, angle in enumerate(WORKING)) for k in range(2000)]
+    assert guard.first_trouble(plan) is None
+    assert len(looks) < 400
