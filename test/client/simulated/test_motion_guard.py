@@ -97,6 +97,18 @@ def test_a_queued_move_is_looked_at_from_the_end_of_the_one_before_it():
     assert back.error is None and arm.joints == pytest.approx(HOME, abs=1e-4)
 
 
+def test_a_queued_move_over_a_post_is_clear_from_the_lifted_end_of_the_one_before_it_only():
+    post = {"name": "post", "foot": [0.2, 0.35, 0.0], "height": 0.5, "radius": 0.05}
+    arm = simulated(workspace=workspace_of({"cylinders": [post]}))
+    lifted = HOME[:2] + (-0.5,) + HOME[3:]
+    beyond = (3.0,) + lifted[1:]
+    assert "from the cylinder 'post'" in str(moved(arm, c.JointMove(beyond, 1.0, 4.0)))
+    assert arm.begin("move", c.JointMove(lifted, 1.0, 4.0), False).error is None
+    assert arm.begin("move", c.JointMove(beyond, 1.0, 4.0), False).error is None
+    arm.until(lambda: arm.core.is_free)
+    assert arm.joints == pytest.approx(beyond, abs=1e-4)
+
+
 def test_a_queued_line_is_walked_from_the_end_of_the_joint_move_before_it():
     arm = simulated()
     away = (0.9,) + HOME[1:]
