@@ -66,7 +66,7 @@ SHARE = r"after \d+ % of the way "
 MM = r"after \d+ mm of \d+ mm "
 KEPT = "; at least 10 mm are kept"
 SELF = r"(the \w+|the wrist \(link \d\)) is \d+ mm from the (base|shoulder|upper arm|forearm)" + KEPT
-"""Which two parts of an arm that folds meet first depends on their radii, which are estimates."""
+"""The pair that an arm meets first when it folds; which one it is depends on radii, which are estimates."""
 REACH = "its target cannot be reached: out of reach: shoulder to wrist would be "
 BAD = [  # model, motion, workspace, text behind "refused: "
     ("zu7", joints(1.781, -0.866, -2.694, 0.38, 0.163, -3.141), None,
