@@ -131,6 +131,13 @@ def test_a_short_line_and_a_short_joint_move_of_each_model_are_clear(model):
     assert back.joints == start.joints
 
 
+@pytest.mark.parametrize("start", [HOME, HOME[:4] + (0.0, 0.4), (0.0, 1.2, -0.02, 0.6, 1.57, 0.0)])
+@pytest.mark.parametrize("away", [0.0, 1e-9, 1e-6, 1e-4])
+def test_a_line_of_no_length_is_clear_also_at_a_singularity(start, away):
+    end = check_of("zu7").after_move(line(start, z=-away)("zu7")[1], StartPlace(start, ToolFrames(IDENTITY, IDENTITY)))
+    assert max(abs(a - b) for a, b in zip(end.joints, start)) < 0.02
+
+
 @pytest.mark.parametrize("base_t_user", [IDENTITY, transform(matrix_from_rotation_vector((0.0, 0.0, 1.2)),
                                                              (0.3, -0.2, 0.1))])
 def test_a_line_is_walked_with_tool_and_user_frame(base_t_user):

@@ -29,6 +29,8 @@ _STEP_M, _STEP_TURN = 0.01, 0.05
 """Longest step along the way, m, and of the tool's turn, rad."""
 _JUMP = 0.1
 """Largest step of a joint, rad, that is taken; a longer one is halved, and at last is no way from here to there."""
+_ROUNDING = 0.01
+"""Step of a joint, rad, up to which a place is not singular: on a way of no length rounding alone turns joints."""
 _SHORTEST_M = 1e-4
 """Length, m, of a step that is not halved any more."""
 _METRES_PER_RAD = 0.3
@@ -66,7 +68,7 @@ class LineWalk:
             start: Joints, rad (6,).
             tool: ``user_t_tool`` by the share of the way.
             length: Of the way, m.
-            duration: At the programmed speed, but for the joints' limits, s.
+            duration: At the programmed speed and acceleration, but for the joints' limits, s.
             turn: Of the tool, rad.
         """
         self.joints, self.shares, self.length = [start], [0.0], length
@@ -108,7 +110,7 @@ class LineWalk:
             return False
         slowed, joint = max([(abs(b - a) / top, number) for number, (a, b, top) in enumerate(
             zip(before, after, self._tops), 1)])
-        if slowed * _SLOWED_TO > (to - since) * self._duration and (to - since) * self._way > 1e-6:
+        if slowed * _SLOWED_TO > (to - since) * self._duration and _largest_step(before, after) > _ROUNDING:
             self.early_end = WalkEnd(
                 since, "singular: joint %d cannot turn as fast as a tenth of the speed needs" % joint)
             return False
@@ -160,7 +162,8 @@ def walk(model: ArmModel, frames: ToolFrames, start: Vector, command: Union[Line
         turned = compose(transform(matrix_from_rotation_vector([share * part for part in vector]), (0.0,) * 3), begin)
         return transform(turned[:9], position(share))
 
-    return LineWalk(model, frames, start, tool, length, max(length / command.speed, turn / turn_speed), turn)
+    duration = max(length / command.speed, 2.0 * math.sqrt(length / command.acceleration), turn / turn_speed)
+    return LineWalk(model, frames, start, tool, length, duration, turn)
 
 
 def _largest_step(a: Vector, b: Sequence[float]) -> float:
