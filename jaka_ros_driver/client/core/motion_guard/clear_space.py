@@ -1,6 +1,6 @@
 """The space around the last look at an arm: motions within it need no look of their own."""
 import math
-from typing import List, Optional, Sequence, Tuple
+from typing import List, Sequence, Tuple
 
 from jaka_ros_driver.clearance.guard import MotionGuard
 from jaka_ros_driver.clearance.shape import arm_shape
@@ -24,7 +24,7 @@ class ClearSpace:
             margin: Distance that is kept, m.
         """
         self._guard, self._reaches, self._margin = guard, reaches, margin
-        self._place: Optional[Vector] = None
+        self._place: Vector = ()
         self._room = 0.0
 
     def trouble(self, way: Sequence[Vector]) -> str:
@@ -33,17 +33,18 @@ class ClearSpace:
         way: Joints, rad (6,) each; the first ones are where the arm is. Where it is in trouble there, only what gets
             nearer counts.
         """
-        if self._place is not None and all(self._is_near(joints) for joints in way):
+        if self._holds(way):
+            return ""
+        self._place, self._room = way[0], self._guard.nearest(way[0]).distance - self._margin
+        if self._holds(way):
             return ""
         found = self._guard.first_trouble(way)
-        if found is not None:
-            self._place = None
-            return found.reason
-        self._place, self._room = way[0], self._guard.nearest(way[0]).distance - self._margin
-        return ""
+        return "" if found is None else found.reason
+
+    def _holds(self, way: Sequence[Vector]) -> bool:
+        return self._room > 0.0 and all(self._is_near(joints) for joints in way)
 
     def _is_near(self, joints: Vector) -> bool:
-        assert self._place is not None
         moved = 0.0
         for reach, here, there in zip(self._reaches, self._place, joints):
             moved += reach * abs(there - here)
