@@ -13,6 +13,7 @@ from typing import Any, Callable, List, Optional, Tuple
 import rospy
 from std_msgs.msg import Bool
 
+from jaka_ros_driver.clearance.collision_urdf import collision_elements
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
@@ -241,7 +242,7 @@ class DriverNode:
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
-                               self._config.flange_frame)
+                               self._config.flange_frame, collision_elements(self._model))
         marker = urdf.splitlines()[1]
         present = rospy.get_param(_DESCRIPTION, "")
         if not present or marker in str(present):
@@ -401,7 +402,9 @@ def _common_ip() -> Tuple[str, Any]:
 def _print_urdf(options: argparse.Namespace) -> int:
     try:
         config = config_from({"model": options.urdf, "dh_file": options.dh_file, "frame_prefix": options.frame_prefix})
-        print(urdf_from_model(config.arm_model(), config.frame_prefix, config.base_frame, config.flange_frame), end="")
+        model = config.arm_model()
+        print(urdf_from_model(model, config.frame_prefix, config.base_frame, config.flange_frame,
+                              collision_elements(model)), end="")
         return 0
     except JakaError as error:
         print("jaka_driver: error: %s" % error, file=sys.stderr)
