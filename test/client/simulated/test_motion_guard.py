@@ -175,7 +175,8 @@ def test_a_guard_that_fails_refuses_and_sends_nothing_unchecked():
 
     def fails(*_):
         raise ZeroDivisionError("a defect")
-    arm.core.custody.motion_check._guard.first_trouble = fails
+    guard = arm.core.custody.motion_check._guard
+    guard.first_trouble = guard.nearest = fails
     error = moved(arm, c.JointMove((0.2,) + HOME[1:], 1.0, 4.0))
     assert "the motion guard has failed" in str(error) and "a defect" in str(error) and "joint_move" not in names(arm)
     assert in_servo(arm) is None
