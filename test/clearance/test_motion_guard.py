@@ -59,8 +59,17 @@ def test_an_arm_in_trouble_may_move_out_and_not_deeper(guard):
     inside = found.joints
     assert guard.first_trouble([inside, WORKING]) is None
     assert guard.first_trouble([inside, IN_THE_COLUMN]).index == 0
+    assert guard.first_trouble([inside, WORKING, inside]).index == 1
     assert guard.is_worse(IN_THE_COLUMN, inside) and not guard.is_worse(inside, IN_THE_COLUMN)
     assert not guard.is_worse(inside, inside) and not guard.is_worse(WORKING, inside)
+
+
+def test_a_path_of_many_points_is_the_path_of_its_ends(guard):
+    whole = guard.first_trouble([WORKING, IN_THE_COLUMN])
+    points = [tuple(a + k / 500.0 * (b - a) for a, b in zip(WORKING, IN_THE_COLUMN)) for k in range(501)]
+    found = guard.first_trouble(points)
+    assert (found.index + found.share) / 500.0 == pytest.approx(whole.share, abs=0.01)
+    assert found.joints == pytest.approx(whole.joints, abs=0.03)
 
 
 def test_joint_angles_that_are_not_finite_are_refused(guard):
