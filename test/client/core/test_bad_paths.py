@@ -1,5 +1,6 @@
 """Thirty bad motions and the texts with which they are refused: place, reason, and what is kept or valid."""
 import math
+import re
 
 import pytest
 
@@ -21,6 +22,9 @@ from jaka_ros_driver.kinematics.rotations import (
     transform,
     transform_from_pose,
 )
+from jaka_ros_driver.trajectory.build import BuildOptions, PathStart, build_path
+from jaka_ros_driver.trajectory.path import JointState
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 AT_Q6_LIMIT = HOME[:5] + (6.1,)
@@ -157,3 +161,19 @@ def test_without_frames_a_line_is_not_looked_at_and_what_follows_is_looked_at_wh
     with pytest.raises(InvalidCommand, match="refused: the flange "):
         check.after_move(c.JointMove((1.781, -0.866, -2.694, 0.38, 0.163, -3.141), 1.0, 4.0), after)
     check.after_move(c.JointMove(HOME, 1.0, 4.0), after)
+
+
+def path_to(target, starts_in=0.0):
+    start = PathStart(JointState(HOME, (0.0,) * 6, (0.0,) * 6), True)
+    points = (TrajectoryPoint(0.0, HOME, (0.0,) * 6), TrajectoryPoint(4.0, target, (0.0,) * 6))
+    return build_path(start, JointTrajectory(points), -starts_in, load_model("zu7"), BuildOptions(0.01))
+
+
+@pytest.mark.parametrize("starts_in", [0.0, 0.9])
+def test_a_trajectory_is_looked_at_as_a_whole_also_one_that_starts_later(starts_in):
+    check = check_of("zu7")
+    assert check.trajectory_trouble(path_to((0.8,) + HOME[1:], starts_in)) == ""
+    trouble = check.trajectory_trouble(path_to((1.781, -0.866, -2.694, 0.38, 0.163, -3.141), starts_in))
+    assert re.match(r"after [23]\.\d+ s the flange is \d+ mm from the base; at least 10 mm are kept", trouble), trouble
+    assert check_of("zu7", guard_motion="off").trajectory_trouble(
+        path_to((1.781, -0.866, -2.694, 0.38, 0.163, -3.141))) == ""

@@ -214,8 +214,9 @@ def _place_text(share: float, length: float, reason: str) -> str:
 
 def _times_of(path: Path) -> "np.ndarray[Tuple[int], np.dtype[np.float64]]":
     """Return the times of a path at whose places the straight lines between them are near enough to it, s."""
-    marks = [path.begin, *[at for at in path.breaks.tolist() if path.begin < at < path.end], path.end]
-    if path.approach is not None and path.begin < path.approach.until < path.end:
+    begin = max(path.begin, float(path.breaks[0]))  # before its polynomials the arm rests where they begin
+    marks = [begin, *[at for at in path.breaks.tolist() if begin < at < path.end], path.end]
+    if path.approach is not None and begin < path.approach.until < path.end:
         marks = sorted({*marks, path.approach.until})
     counts = [max(1, int(np.ceil((b - a) / _SAMPLE_PERIOD_S))) for a, b in zip(marks, marks[1:])]
     pieces: List[Sequence[float]] = [np.linspace(a, b, count, endpoint=False).tolist()
