@@ -8,6 +8,7 @@ from simulated_arm import SimulatedArm
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
 from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
 from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import settings
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
@@ -15,7 +16,8 @@ from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
-from jaka_ros_driver.kinematics.rotations import pose_from_transform, transform_from_pose
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.rotations import IDENTITY, pose_from_transform, transform_from_pose
 from jaka_ros_driver.simulation.arm.plant import HOME
 
 MODEL = load_model("zu7")
@@ -151,6 +153,9 @@ def test_a_line_with_tool_and_user_frame_is_looked_at_with_both(has_tool, has_us
         assert place.frames is None
         arm.core.custody.motion_check.tools = tuple(
             transform_from_pose(pose) for pose in arm.does(lambda core: core.ask(c.Query.TOOL_FRAMES)))
+    frames = arm.core.custody.motion_check.place_of(arm.state).frames
+    assert frames.flange_t_tool == pytest.approx(transform_from_pose(TOOL) if has_tool else IDENTITY, abs=1e-4)
+    assert frames.base_t_user == pytest.approx(transform_from_pose(TURNED) if has_user else IDENTITY, abs=1e-4)
     error = moved(arm, line(arm, z=-0.3))
     assert "from the keep-out box 'table'" in str(error), error
     assert moved(arm, line(arm, z=-0.05)) is None
@@ -193,6 +198,28 @@ def test_an_arm_in_trouble_moves_out_and_not_deeper():
 
 
 # ---- while it moves ----
+
+def test_a_frame_guard_brakes_on_a_line_with_the_joints_acceleration_to_where_it_had_looked():
+    ways = []
+
+    def look(way):
+        ways.append(way)
+        return "a wall" if way[1][0] > 0.1 else ""
+    guard = FrameGuard(look, (0.0,) * 6)
+    speed, at, sent = 0.0, 0.0, [0.0]
+    while not guard.trouble:
+        speed = min(speed + 0.0008, 0.012)
+        at += speed
+        sent.append(guard.admitted((at, 0.5 * at, 0.0, 0.0, 0.0, 0.0))[0])
+    while not guard.is_standing:
+        joints = guard.braked()
+        assert joints[1] == pytest.approx(0.5 * joints[0], abs=1e-12)
+        sent.append(joints[0])
+    steps = [b - a for a, b in zip(sent, sent[1:])]
+    largest_change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
+    assert max(abs(b - a) for a, b in zip(steps, steps[1:])) <= largest_change * 1.001
+    assert sent[-1] == pytest.approx(ways[-2][2][0], abs=1e-9), "the stand of the last frame that was admitted"
+
 
 def in_servo(arm, active=True):
     return arm.ended(arm.begin("servo_mode", active))
