@@ -9,6 +9,7 @@ state, commands     one sample of the arm; what an arm can be asked to do (SI un
 kinematics          arm models, forward and inverse kinematics, the limits audit
 protocol            the controller's JSON protocol: bytes <-> state and commands, no I/O
 trajectory          joint trajectories: audited paths, and the clock that runs along them
+clearance           how near the arm comes to itself and to zones around it
 client              custody of the arm, its sockets and threads; without ROS
 wire                the bytes between driver and controller: recorded and played
 audit               the audit log: who did what, as chained lines in files

@@ -82,6 +82,7 @@ class StopCause(enum.Enum):
     SHUTDOWN = "driver shut down"
     CANCELLED = "cancelled by its client"
     REPLACED = "replaced by another trajectory"
+    MOTION_GUARD = "stopped by the motion guard"
 
 
 class MotionInterrupted(JakaError):

@@ -42,7 +42,8 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "kinematics": DOMAIN,
         "protocol": DOMAIN,
         "trajectory": DOMAIN | {"kinematics"},
-        "client": DOMAIN | {"kinematics", "protocol", "trajectory"},
+        "clearance": DOMAIN | {"kinematics"},
+        "client": DOMAIN | {"clearance", "kinematics", "protocol", "trajectory"},
         "wire": DOMAIN | {"protocol"},
         "audit": set(),
         "simulation": DOMAIN | SIMULATION | {"kinematics", "protocol", "wire"},
@@ -51,7 +52,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "simulation.controller": DOMAIN | {"kinematics", "protocol", "simulation.arm", "simulation.dialect"},
         "simulation.server": DOMAIN | {"kinematics", "protocol", "wire", "simulation.arm", "simulation.dialect",
                                        "simulation.controller"},
-        "ros": DOMAIN | {"kinematics", "protocol", "trajectory", "client", "audit"},
+        "ros": DOMAIN | {"clearance", "kinematics", "protocol", "trajectory", "client", "audit"},
     }),
     **rooms("jaka_bag", {
         "": CONTAINERS | {"operations"},  # the names it lends to programs

@@ -30,6 +30,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
@@ -206,9 +207,7 @@ class ArmClient:
 
     @property
     def is_motion_possible(self) -> bool:
-        """True where this driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has
-        the arm.
-        """
+        """True where this driver can move the arm, or moves it: nothing forbids it, and nobody else has the arm."""
         return self._core.is_motion_possible(time.monotonic())
 
     def is_hand_guided(self, state: RobotState) -> bool:
@@ -369,6 +368,11 @@ class ArmClient:
         """The velocity jog: who holds it, and where it stands."""
         return self._core.velocity_jog
 
+    def know_tools(self, tools: Optional[Sequence[Transform]]) -> None:
+        """Note the controller's tools for the motion guard: ``flange_t_tool`` by id; None while not known."""
+        with self._lock:
+            self._core.custody.motion_check.tools = tools
+
     @property
     def stops(self) -> int:
         """The number of stops that were asked for; see ``follow``."""
@@ -422,7 +426,7 @@ class ArmClient:
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
-        path = followed_path(start, trajectory, elapsed, self.model, self.settings)
+        path = followed_path(start, trajectory, elapsed, self.model, self.settings, self._core.custody.motion_check)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[str]]" = None) -> bool:

@@ -1,12 +1,13 @@
 """The path that the arm follows for a trajectory: where it joins, built by the client's settings, told in the log."""
 import logging
 
+from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck
 from jaka_ros_driver.client.core.trajectory import TrajectoryStart
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.path import Path
-from jaka_ros_driver.trajectory.points import JointTrajectory
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory
 
 _LOG = logging.getLogger(__name__)
 _JOIN_LEAD_S = 0.016
@@ -21,7 +22,7 @@ def lead_of(trajectory: JointTrajectory) -> float:
 
 
 def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
-                  settings: ClientSettings) -> Path:
+                  settings: ClientSettings, motion_check: MotionCheck) -> Path:
     """Return the audited path of a trajectory; log where it is slowed or led elsewhere, or begins late.
 
     Args:
@@ -30,12 +31,18 @@ def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: 
         elapsed: Time since the trajectory was to start, s.
         model: The arm's limits.
         settings: The tolerances.
+        motion_check: Looks at the whole path.
 
     Raises:
-        InvalidTrajectory: As ``build_path``.
+        InvalidTrajectory: As ``build_path``, or the way is not clear.
     """
     path = build_path(start.begin, trajectory, elapsed, model, BuildOptions(
         settings.trajectory_start_tolerance, settings.late_stamp, settings.trajectory_overshoot == "scale"))
+    trouble = motion_check.trajectory_trouble(path)
+    if trouble and motion_check.refuses:
+        raise InvalidTrajectory(trouble)
+    if trouble:
+        _LOG.warning("followed, as ~guard_motion is %s: %s", settings.guard_motion, trouble)
     if path.rates is not None:
         _LOG.info("the trajectory is slowed, and takes %.3f s longer than its %.3f s: %s", path.rates.delay(),
                   trajectory.points[-1].time, path.rates.text)

@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 from typing import Optional
 
+from jaka_ros_driver.clearance.workspace import NO_ZONES, Workspace
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 
 
@@ -43,6 +44,9 @@ class ClientSettings:
         takes_io_as_counted: True where the controller's own count of the terminals stands, as with the maker's driver:
             an output that is set may be seen at either place that its index on the wire can mean. False: it must be
             seen at its own place in the status frame.
+        guard_motion: "stop": a motion that would come too near to the arm itself, to a zone, or to an end of what the
+            arm can do is refused, or braked; "warn": it is logged; "off": nobody looks.
+        workspace: The zones around the arm, and the shape of its tool.
         simulator: Identity of the simulated controller that was launched with this driver; with it, no other controller
             is used. Empty for any controller.
     """
@@ -73,4 +77,6 @@ class ClientSettings:
     link_loss_stop: float = 0.3
     io_index_base: Optional[int] = None
     takes_io_as_counted: bool = False
+    guard_motion: str = "stop"
+    workspace: Workspace = NO_ZONES
     simulator: str = ""

@@ -2,10 +2,12 @@
 
 Joint n's frame in the URDF is DH frame n-1 with z along axis n, turned by the DH row's angle offset; link_n therefore
 carries what DH frame n carries, before the row's shift along d, a and twist alpha, which stand in the origin of the
-next joint (and of the fixed joint to the tool link). Visuals are cylinders and boxes: no meshes.
+next joint (and of the fixed joint to the tool link). Visuals are cylinders and boxes: no meshes. Collision geometry is
+the caller's (``clearance/collision_urdf.py`` makes it).
 """
 import math
-from typing import List, Tuple
+from types import MappingProxyType
+from typing import List, Mapping, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 from jaka_ros_driver.commands import JOINTS
@@ -19,7 +21,8 @@ _RADIUS = 0.12
 """Radius of a link's cylinder as a share of the arm's longest link."""
 
 
-def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_link", tool_link: str = "tool0") -> str:
+def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_link", tool_link: str = "tool0",
+                    collisions: Mapping[int, Sequence[str]] = MappingProxyType({})) -> str:
     """Return the URDF text of the arm: ``base_link``, ``link_1`` .. ``link_6``, ``tool0``; ``joint_1`` .. ``joint_6``.
 
     Its joints have the range in which streams stay (``stream_limits``): what plans with it is not led elsewhere.
@@ -29,6 +32,7 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
         prefix: Put in front of every link and joint name, for several arms in one tree.
         base_link: Name of the base link; its frame is the base frame.
         tool_link: Name of the last link; its frame is the flange (DH frame 6).
+        collisions: The ``<collision>`` elements of each link, by its number: 0 the base, 1 to 6.
     """
     radius = _RADIUS * max(max(abs(row.a), abs(row.d)) for row in model.dh)
     links = ["link_%d" % n for n in range(1, JOINT_COUNT + 1)]
@@ -37,9 +41,10 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
              "<robot name=%s>" % quoteattr(prefix + model.name),
              '  <material name="arm"><color rgba="0.85 0.87 0.9 1"/></material>',
              '  <material name="joint"><color rgba="0.2 0.35 0.6 1"/></material>']
-    lines += _link(prefix + base_link, _cylinder(radius * 1.2, radius * 0.6, (0.0, 0.0, radius * 0.3), "joint"))
-    for link, row in zip(links, model.dh):
-        lines += _link(prefix + link, _body(row, radius))
+    lines += _link(prefix + base_link, _cylinder(radius * 1.2, radius * 0.6, (0.0, 0.0, radius * 0.3), "joint")
+                   + list(collisions.get(0, ())))
+    for n, (link, row) in enumerate(zip(links, model.dh), 1):
+        lines += _link(prefix + link, _body(row, radius) + list(collisions.get(n, ())))
     lines += _link(prefix + tool_link, _cylinder(radius * 0.6, radius * 0.1, (0.0, 0.0, -radius * 0.05), "joint"))
     parent, shift = base_link, DhRow(0.0, 0.0, 0.0)
     for n, (joint, link, row, (low, high)) in enumerate(zip(JOINTS, links, model.dh, stream_limits(model))):
@@ -69,8 +74,8 @@ def _origin(row: DhRow, next_offset: float) -> str:
     return '<origin xyz="%r 0 %r" rpy="%r %r %r"/>' % ((row.a, row.d) + rpy)
 
 
-def _link(name: str, visuals: List[str]) -> List[str]:
-    return ["  <link name=%s>" % quoteattr(name)] + ["    " + visual for visual in visuals] + ["  </link>"]
+def _link(name: str, elements: List[str]) -> List[str]:
+    return ["  <link name=%s>" % quoteattr(name)] + ["    " + element for element in elements] + ["  </link>"]
 
 
 def _body(row: DhRow, radius: float) -> List[str]:

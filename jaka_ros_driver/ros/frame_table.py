@@ -70,6 +70,7 @@ class FrameReader:
         with self._lock:
             self._changes += 1
             self._tools = self._users = None
+            self._arm.know_tools(None)
 
     def _run(self) -> None:
         waited = _READ_PERIOD_S
@@ -92,6 +93,7 @@ class FrameReader:
         with self._lock:
             if changes == self._changes and changes % 2 == 0:
                 self._tools, self._users = tools, users
+                self._arm.know_tools(tools)
         return True
 
     def _read(self, query: c.Query) -> Optional[Frames]:

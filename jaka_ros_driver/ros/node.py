@@ -13,8 +13,10 @@ from typing import Any, Callable, List, Optional, Tuple
 import rospy
 from std_msgs.msg import Bool
 
+from jaka_ros_driver.clearance.collision_urdf import collision_elements
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.actions import NotifyGuard
+from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
@@ -166,6 +168,11 @@ class DriverNode:
                 self._recorder.event("driver", True, level="INFO", text="auto_enable: the arm is to be powered and "
                                      "enabled once it is seen without a fault; asked for by ~auto_enable")
                 self._arm.auto_enable()
+        if self._config.guard_motion != STOP:
+            _LOG.warning("~guard_motion is %s: a motion that would hit the arm itself or a zone is not refused",
+                         self._config.guard_motion)
+        if self._config.workspace:
+            _LOG.info("the motion guard keeps the zones of %s", self._config.workspace)
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
 
@@ -236,7 +243,7 @@ class DriverNode:
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
-                               self._config.flange_frame)
+                               self._config.flange_frame, collision_elements(self._model))
         marker = urdf.splitlines()[1]
         present = rospy.get_param(_DESCRIPTION, "")
         if not present or marker in str(present):
@@ -396,7 +403,9 @@ def _common_ip() -> Tuple[str, Any]:
 def _print_urdf(options: argparse.Namespace) -> int:
     try:
         config = config_from({"model": options.urdf, "dh_file": options.dh_file, "frame_prefix": options.frame_prefix})
-        print(urdf_from_model(config.arm_model(), config.frame_prefix, config.base_frame, config.flange_frame), end="")
+        model = config.arm_model()
+        print(urdf_from_model(model, config.frame_prefix, config.base_frame, config.flange_frame,
+                              collision_elements(model)), end="")
         return 0
     except JakaError as error:
         print("jaka_driver: error: %s" % error, file=sys.stderr)

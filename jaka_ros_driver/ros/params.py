@@ -11,6 +11,8 @@ import textwrap
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
+from jaka_ros_driver.clearance.workspace import NO_ZONES, load_workspace
+from jaka_ros_driver.client.core.motion_guard.motion_check import OFF, STOP, WARN
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
@@ -109,6 +111,14 @@ def _model_file(value: Any) -> str:
         raise ValueError
     if value:
         load_model_file(value)
+    return value
+
+
+def _workspace(value: Any) -> str:
+    if type(value) is not str:
+        raise ValueError
+    if value:
+        load_workspace(value)
     return value
 
 
@@ -244,6 +254,14 @@ class DriverConfig:
     gripper: Optional[Gripper] = _parameter(
         None, "keys with values", "", ", ".join(KEYS), "A gripper on digital outputs, with an action for MoveIt "
         "(gripper.md). Default: none, and no action.", gripper_from)
+    guard_motion: str = _choice(
+        _CLIENT.guard_motion, (STOP, WARN, OFF),
+        "What is done with a motion that would hit the arm itself or a zone, or cannot be followed. stop: it is "
+        "refused before it begins, and braked while it lasts. warn: it is logged, and sent. off: nobody looks. It is "
+        "no safety function (motion_guard.md).")
+    workspace: str = _parameter(
+        "", "text", "", "empty, or path of a YAML file", "Zones around the arm that it is kept out of or within, and "
+        "the shape of its tool (motion_guard.md). Empty: none.", _workspace)
     realtime_priority: int = _integer(
         0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames "
         "then keep their interval beside other load. 0 leaves the scheduler as it is.")
@@ -297,7 +315,9 @@ class DriverConfig:
             feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
             **{f.name: getattr(self, f.name) for f in dataclasses.fields(ClientSettings)
                if hasattr(self, f.name)})
-        return dataclasses.replace(settings, io_index_base=self.sent_index_base, takes_io_as_counted=self.is_vendor)
+        return dataclasses.replace(
+            settings, io_index_base=self.sent_index_base, takes_io_as_counted=self.is_vendor,
+            workspace=load_workspace(self.workspace) if self.workspace else NO_ZONES)
 
     def arm_model(self) -> ArmModel:
         """Return the arm, from ``dh_file`` or by its name; raise InvalidCommand where the file is wrong by now."""

@@ -352,6 +352,15 @@ class LeavesLimits(Wrapped):
         return True
 
 
+class GoesIntoItself(Wrapped):
+    """Targets that are within the joint limits and in the arm's own base."""
+
+    def lets_pass(self, request: Dict[str, Any]) -> bool:
+        if request["cmdName"] == "joint_move":
+            request["jointPosition"] = [102.0, -49.6, -154.4, 21.8, 9.3, -180.0]
+        return True
+
+
 class ShowsOldAsNew(Wrapped):
     """Frames that are all shown as new."""
 

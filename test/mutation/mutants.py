@@ -5,6 +5,8 @@ neither a ROS master nor a process of their own, so that all mutants are tried i
 """
 from typing import Tuple
 
+from clearance_mutants import OF_CLEARANCE
+from guard_mutants import OF_THE_MOTION_GUARD
 from jog_mutants import OF_JOGS
 from mutant import Mutant
 from trajectory_mutants import OF_TRAJECTORIES
@@ -476,4 +478,5 @@ OF_ROS: Tuple[Mutant, ...] = (
            "feed_period=min(_CLIENT.feed_period, ", "feed_period=max(0.001, ", PARAMS),
 )
 
-MUTANTS: Tuple[Mutant, ...] = OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS + OF_TRAJECTORIES + OF_JOGS
+MUTANTS: Tuple[Mutant, ...] = (
+    OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS + OF_TRAJECTORIES + OF_JOGS + OF_CLEARANCE + OF_THE_MOTION_GUARD)

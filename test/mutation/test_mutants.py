@@ -7,7 +7,7 @@ import pytest
 from mutant import Mutant, mutated, path_of
 from mutants import MUTANTS
 
-ROOMS = ("protocol", "client", "ros", "kinematics", "trajectory")
+ROOMS = ("protocol", "client", "ros", "kinematics", "trajectory", "clearance")
 
 
 def test_every_mutant_fits_one_place_of_its_file_and_leaves_it_python():

@@ -51,6 +51,8 @@ WRONG = [
     ("audit_dir", "logs", "an absolute path"), ("audit_dir", True, "an absolute path"),
     ("audit_dir", "/logs\0", "an absolute path"), ("audit_days", -1, "0 to 36500 days"),
     ("audit_days", math.inf, "0 to 36500 days"), ("audit_days", "1826", "0 to 36500 days"),
+    ("guard_motion", "on", "stop, warn, off"), ("guard_motion", True, "stop, warn, off"),
+    ("workspace", 7, "path of a YAML file"), ("workspace", "/no/such/workspace.yaml", "path of a YAML file"),
 ]
 
 
@@ -126,6 +128,13 @@ def test_defaults_and_values_reach_the_client():
     settings = config_from(given).client_settings()
     assert settings == ClientSettings("10.5.5.100", feed_period=0.005, jog_timeout=1.0, servo_max_joint_jump=0.2,
                                       stale_after=0.3)
+
+
+def test_the_zones_of_a_file_reach_the_client(tmp_path):
+    file = tmp_path / "cell.yaml"
+    file.write_text("floor: -0.01\n")
+    settings = config_from({"workspace": str(file), "guard_motion": "warn"}).client_settings()
+    assert settings.workspace.floor == -0.01 and settings.guard_motion == "warn"
 
 
 def test_a_low_rate_of_the_topics_does_not_slow_down_what_custody_sees():

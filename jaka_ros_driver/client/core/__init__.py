@@ -8,6 +8,7 @@ feed            status frames: which of them are fresh
 witness         the comparison of the feed with the controller's answers, which detects an old feed
 stillness       evidence that the arm rests
 motion          the base class of all motions
+motion_guard    what hits itself or a zone, or cannot be followed: asked before a motion and while it lasts
 contradictions  one table of what forbids a motion to begin and what ends one
 phases          the phases of custody, and the events between them: one table
 custody         from before a motion's first byte until evidence that the arm rests

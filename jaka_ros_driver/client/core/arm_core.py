@@ -78,7 +78,7 @@ class ArmCore:
         self.model = model
         self.actions = Actions()
         self.channel = CommandChannel(self.actions, settings)
-        self.custody = Custody(self.actions, self.channel, settings, model.joint_max_speed,
+        self.custody = Custody(self.actions, self.channel, settings, model,
                                lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
         self._admission = Admission(self.actions, self.custody, self.links)

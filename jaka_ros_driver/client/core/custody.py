@@ -7,7 +7,7 @@ A stop is repeated until it is accepted, through refusals and new connections, a
 The phases in which a motion is held, and what leads from one to another, are the table of ``phases``.
 """
 import logging
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions, NotifyGuard
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -20,6 +20,7 @@ from jaka_ros_driver.client.core.contradictions import (
     standing_cause,
 )
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck
 from jaka_ros_driver.client.core.phases import Event, Phase, transition
 from jaka_ros_driver.client.core.stillness import ALL_SHOWN, REST_TIME_S, Shown, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
@@ -32,6 +33,7 @@ from jaka_ros_driver.errors import (
     ReplyTimeout,
     StopCause,
 )
+from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
 
 _RETRY_PERIOD_S = 0.05
@@ -55,22 +57,21 @@ class Custody:
         channel: The command port.
         actions: Where actions go.
         settings: Times.
+        motion_check: What is asked before a motion begins, and while it lasts.
         question_due: Somebody waits for evidence that the feed tells of this moment, s: the controller is asked.
     """
 
     def __init__(self, actions: Actions, channel: CommandChannel, settings: ClientSettings,
-                 joint_max_speed: Sequence[float], on_free: Callable[[float], None]) -> None:
-        """Set up while nobody moves the arm; ``on_free`` is called when that is so again.
-
-        joint_max_speed: rad/s, base first.
-        """
+                 model: ArmModel, on_free: Callable[[float], None]) -> None:
+        """Set up while nobody moves the arm; ``on_free`` is called when that is so again."""
         self.actions = actions
         self.channel = channel
         self.settings = settings
+        self.motion_check = MotionCheck(model, settings, actions)
         self.stillness = Stillness()
         self.motion: Optional[ArmMotion] = None
         self._on_free = on_free
-        self._jumps = JumpWatch(joint_max_speed)
+        self._jumps = JumpWatch(model.joint_max_speed)
         self._state: Optional[RobotState] = None
         self._shown = ALL_SHOWN
         self.question_due = 0.0

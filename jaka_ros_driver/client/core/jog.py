@@ -5,6 +5,7 @@ from typing import List, Optional
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
 from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
 from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import Jog, JogStop
@@ -36,6 +37,7 @@ class JogMotion(ArmMotion):
         self._accepted_at: Optional[float] = None
         self._start: Optional[Vector] = None
         self._has_moved = False
+        self._feed_watch = FeedWatch(custody.motion_check.look())
         self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
 
     def begin(self, now: float) -> None:
@@ -55,6 +57,10 @@ class JogMotion(ArmMotion):
             return
         if self._start is None:
             self._start = state.joint_position
+        trouble = self._feed_watch.trouble(state)
+        if trouble:
+            self._custody.stop(MotionInterrupted(StopCause.MOTION_GUARD, trouble), now)
+            return
         self._has_moved = self._has_moved or max(
             [abs(a - b) for a, b in zip(self._start, state.joint_position)]) > MOVEMENT
         if now - self._accepted_at <= max(START_WINDOW_S, self.rest_time):

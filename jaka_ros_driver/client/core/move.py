@@ -6,6 +6,7 @@ from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion_guard.motion_check import StartPlace
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, MoveCommand, PathCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
@@ -40,14 +41,18 @@ class _Part:
 
 
 class Move(ArmMotion):
-    """A motion that is completed when the arm rests at the last target, and stopped when anything contradicts that."""
+    """A motion that is completed when the arm rests at the last target, and stopped when anything contradicts that.
+
+    Attributes:
+        place: Where its last target is: a move that is queued behind it is looked at from there.
+    """
 
     owner = MotionOwner.MOVE
     is_paused = False
     """True while it is paused by a call; that time does not count."""
 
     def __init__(self, custody: Custody, command: MoveCommand, call: Token, waits: bool, state: RobotState,
-                 end: Token = None) -> None:
+                 place: StartPlace, end: Token = None) -> None:
         """Set up the motion.
 
         Args:
@@ -56,8 +61,10 @@ class Move(ArmMotion):
             call: Who is answered.
             waits: The answer comes at the end; else with the controller's acceptance.
             state: Before the motion.
+            place: Where it ends.
             end: Answered at the end, and not before ``call``; None for nobody.
         """
+        self.place = place
         self._custody = custody
         self._start = state
         self._parts = [_Part(command, call, waits, end)]
@@ -73,8 +80,10 @@ class Move(ArmMotion):
     def begin(self, now: float) -> None:
         self._send(self._parts[0], now)
 
-    def add(self, command: MoveCommand, call: Token, now: float, end: Token = None) -> None:
+    def add(self, command: MoveCommand, call: Token, now: float, place: StartPlace, end: Token = None) -> None:
         """Queue another move behind the running ones; answered with the controller's acceptance.
+
+        place: Where it ends.
 
         Raises:
             JakaError: Nothing was sent.
@@ -82,6 +91,7 @@ class Move(ArmMotion):
         part = _Part(command, call, waits=False, end=end)
         self._send(part, now)
         self._parts.append(part)
+        self.place = place
 
     def observe(self, state: RobotState, now: float) -> None:
         if self._target is None or state.received_at <= self._accepted_at:
@@ -131,6 +141,7 @@ class Move(ArmMotion):
         self._answer(part, error)
         self._end(part, error)
         self._parts.remove(part)
+        self.place = StartPlace.unknown()
         if not self._parts or not isinstance(error, CommandRejected):  # refused, it leaves the others of the queue
             self._custody.not_accepted(error, now)
 

@@ -91,15 +91,20 @@ class PointStream(Trajectory):
         """Follow the next point, from the next cycle on.
 
         Raises:
-            InvalidCommand: The stream is being ended, or a joint cannot follow; the points before are kept.
+            InvalidCommand: The stream is being ended, a joint cannot follow, or the way to the point is not clear; the
+                points before are kept.
         """
         if self.is_leaving:
             raise InvalidCommand("refused: the stream before this point is being ended; send it again")
         if self._is_entered:
+            trouble = self._look((self._end, point.position))
+            if trouble:
+                raise InvalidCommand("refused: on the way to the point %s" % trouble)
             led = self._follower.add(point.position, point.due, now)
             if led and not self._was_led:
                 self._custody.actions.log(logging.WARNING, "the stream of points: %s" % led)
             self._was_led = bool(led)
+            self._end = point.position
         else:
             self._newest = point
 
@@ -127,6 +132,7 @@ class PointStream(Trajectory):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its stream began"), now)
             return
         self._clock = self._follower = PointFollower(self._follower.position, self._model, now)
+        self._is_guarded(self._follower.position)
         point = self._newest
         try:
             self.take(point._replace(due=max(point.due, now)), now)
@@ -137,6 +143,9 @@ class PointStream(Trajectory):
     def _not_entered(self, error: JakaError) -> None:
         self._gate.close(str(error))
         self._custody.actions.log(logging.WARNING, "the stream of points is not followed: %s" % error)
+
+    def _stand(self) -> Vector:
+        return self._end
 
     def _frame(self, now: float) -> ServoJoint:
         self._follower.now = now

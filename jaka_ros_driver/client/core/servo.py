@@ -95,7 +95,7 @@ class Servo(Streaming):
         self._custody.actions.answer_all(self._calls, outcome)
 
     def _entered(self, now: float) -> None:
-        self._stream = self._joint_stream()
+        self._follow(self._joint_stream())
         self._last_target_at = now
         self._custody.actions.answer_all(self._calls)
 
@@ -132,9 +132,14 @@ class Servo(Streaming):
 
     # ---- streams ----
 
+    def _stand(self) -> Optional[Vector]:
+        return self._stream.target if isinstance(self._stream, JointServo) else None
+
     def _follow(self, stream: Union[JointServo, PoseServo]) -> None:
         if stream is not self._stream:
             self._stream, self._trace = stream, ServoTrace()
+            if isinstance(stream, JointServo):
+                self._is_guarded(stream.point)
 
     def _require_rest(self) -> None:
         """Refuse a change of the kind of stream unless the arm rests.
@@ -152,7 +157,7 @@ class Servo(Streaming):
     def _joint_stream(self) -> JointServo:
         settings = self._custody.settings
         return JointServo(commanded_joints(self._state), self._model, settings.servo_max_joint_jump,
-                          settings.servo_ahead, SERVO_PERIOD_S)
+                          settings.servo_ahead, SERVO_PERIOD_S, self._look)
 
     def _pose_stream_at_rest(self) -> PoseServo:
         self._require_rest()
@@ -161,4 +166,4 @@ class Servo(Streaming):
             raise InvalidCommand("refused: the controller does not report the tool pose")
         return PoseServo(Pose(state.tcp_position, state.tcp_rpy), self._model.tcp_max_speed or _TCP_SPEED_UNKNOWN,
                          settings.servo_max_linear_jump, settings.servo_max_angular_jump, settings.servo_ahead,
-                         SERVO_PERIOD_S)
+                         SERVO_PERIOD_S, self._custody.motion_check.pose_look(state, self._look))

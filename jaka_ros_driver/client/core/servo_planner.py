@@ -5,8 +5,9 @@ continues or halts as it likes when frames stop; so the steps are limited here, 
 without a target.
 """
 import math
-from typing import Optional, Sequence, Tuple
+from typing import Callable, Optional, Sequence, Tuple
 
+from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -109,7 +110,8 @@ class _Follower:
 class JointServo:
     """A stream of joint targets."""
 
-    def __init__(self, joint_position: Vector, model: ArmModel, max_jump: float, ahead: float, period: float) -> None:
+    def __init__(self, joint_position: Vector, model: ArmModel, max_jump: float, ahead: float, period: float,
+                 look: Look = lambda way: "") -> None:
         """Begin at rest.
 
         Args:
@@ -118,7 +120,9 @@ class JointServo:
             max_jump: Largest distance of a target from the frame that was sent last, rad.
             ahead: Longest time in which a target must be reachable from that frame, s.
             period: Of a cycle, s.
+            look: Says for which reason the arm must not go the way to a target.
         """
+        self._look = look
         self._followers = [_Follower(speed, JOINT_ACCELERATION_CEILING, period) for speed in top_joint_speeds(model)]
         self._model = model
         self._limits = stream_limits(model)
@@ -138,7 +142,8 @@ class JointServo:
             Which joint is led elsewhere, in words; "" for none.
 
         Raises:
-            InvalidCommand: It is outside the joint limits, or too far away; nothing changes.
+            InvalidCommand: It is outside the joint limits, too far away, or the way to it is not clear; nothing
+                changes.
         """
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
         for index, (value, (low, high)) in enumerate(zip(goal, accepted_limits(self._model, self._position))):
@@ -155,8 +160,16 @@ class JointServo:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
+        trouble = self._look((self._position, goal))
+        if trouble:
+            raise InvalidCommand("refused: on the way to the servo target %s" % trouble)
         self._target, self._is_new = goal, True
         return led
+
+    @property
+    def target(self) -> Vector:
+        """The last target, rad (6,): the stream rests there where no other one comes."""
+        return self._target
 
     @property
     def is_at_rest(self) -> bool:
@@ -193,8 +206,12 @@ class PoseServo:
     """A stream of Cartesian targets in the active user frame."""
 
     def __init__(self, pose: Pose, max_linear_speed: float, max_linear_jump: float, max_angular_jump: float,
-                 ahead: float, period: float) -> None:
-        """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints."""
+                 ahead: float, period: float, look: Callable[[Pose], str] = lambda pose: "") -> None:
+        """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints.
+
+        look: Says for which reason the arm must not go from the last target to this one.
+        """
+        self._look = look
         self._linear = _Follower(max_linear_speed, TCP_ACCELERATION_CEILING, period)
         self._angular = _Follower(JOINT_SPEED_CEILING, JOINT_ACCELERATION_CEILING, period)
         self._max_linear_jump = max_linear_jump
@@ -209,7 +226,8 @@ class PoseServo:
         """Set the target; a relative position adds along the user frame's axes, a relative rpy to the last rpy.
 
         Raises:
-            InvalidCommand: It is too far away, measured from the frame that was sent last; nothing changes.
+            InvalidCommand: It is too far away, measured from the frame that was sent last, or the way to it is not
+                clear; nothing changes.
         """
         position, rpy = target.position, target.rpy
         if is_relative:
@@ -227,6 +245,9 @@ class PoseServo:
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
                 "(servo_ahead); send smaller steps" % (distance, angle, self._ahead))
+        trouble = self._look(Pose(position, rpy))
+        if trouble:
+            raise InvalidCommand("refused: on the way to the servo target %s" % trouble)
         self._target_position, self._target_rotation = position, rotation
         self._is_new = True
 

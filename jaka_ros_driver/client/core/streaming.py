@@ -1,10 +1,12 @@
 """The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
+import logging
 import math
 from typing import Any, Callable, Optional, Union
 
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion
+from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
@@ -45,7 +47,10 @@ class Streaming(ArmMotion):
 
     Attributes:
         late_cycles: Cycles that came too late to be sent.
+        frame_guard: Passes joint frames on, or brakes; None where nobody looks at them one by one.
     """
+
+    frame_guard: Optional[FrameGuard] = None
 
     def __init__(self, custody: Custody, state: RobotState, on_mode: OnMode) -> None:
         """Set up the motion.
@@ -60,6 +65,7 @@ class Streaming(ArmMotion):
         self._observed_at = state.received_at
         self._on_mode = on_mode
         self._trace = ServoTrace()
+        self._look = custody.motion_check.look()
         self._next_frame = _NEVER
         self._point: Vector = ()
         self._moved_at = -math.inf
@@ -97,8 +103,23 @@ class Streaming(ArmMotion):
         """Return what in this state contradicts the stream; None where nothing does."""
         raise NotImplementedError
 
+    def _stand(self) -> Optional[Vector]:
+        """Return where the stream rests if nothing more is asked of it, joints, rad (6,); None where it brakes then."""
+        return None
+
     def _skipped(self, cycles: int) -> None:
         """Handle that so many cycles came too late."""
+
+    def _is_guarded(self, joints: Vector) -> None:
+        """Have the motion guard look at each joint frame from now on.
+
+        joints: Where the stream begins, at rest, rad (6,).
+        """
+        self.frame_guard = FrameGuard(self._look, joints)
+
+    def _brakes(self, trouble: str) -> None:
+        """Log that the motion guard has the stream brake, for this trouble; no frame of the stream's own follows."""
+        self._custody.actions.log(logging.WARNING, "the motion guard brakes %s: %s" % (self.name, trouble))
 
     # ---- life ----
 
@@ -158,6 +179,9 @@ class Streaming(ArmMotion):
             self._custody.stop(MotionInterrupted(
                 StopCause.LINK_LOST, "the driver was held up for %.2f s" % (now - self._next_frame)), now)
             return
+        if self.frame_guard is not None and self.frame_guard.is_standing:
+            self._custody.stop(MotionInterrupted(StopCause.MOTION_GUARD, self.frame_guard.trouble), now)
+            return
         self._send_frame(now)
 
     def observe_stop(self, state: RobotState) -> None:
@@ -212,11 +236,21 @@ class Streaming(ArmMotion):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo mode was not left: %s" % error), now)
 
     def _send_frame(self, now: float) -> None:
-        frame = self._frame(now)
-        before, self._point = self._point, self._sent_point()
-        if len(before) == len(self._point) and math.dist(before, self._point) > _SAME_POINT:
+        guard = self.frame_guard
+        if guard is not None and guard.trouble:
+            point = guard.braked()
+            frame: Frame = ServoJoint(point)
+        else:
+            frame, point = self._frame(now), self._sent_point()
+            if guard is not None and isinstance(frame, ServoJoint):
+                joints = guard.admitted(frame.joint_position, self._stand())
+                if guard.trouble:
+                    frame, point = ServoJoint(joints), joints
+                    self._brakes(guard.trouble)
+        before, self._point = self._point, point
+        if len(before) == len(point) and math.dist(before, point) > _SAME_POINT:
             self._moved_at = now
-        self._trace.sent(self._point, now)
+        self._trace.sent(point, now)
         self._next_frame += SERVO_PERIOD_S
         late = now - self._next_frame
         if late > 0.0:

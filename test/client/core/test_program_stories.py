@@ -2,9 +2,12 @@
 import pytest
 from stories import HOME, Story
 
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.client.core.procedures import programs
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
+from jaka_ros_driver.kinematics.arm_models import load_model
 
 IDLE, LOADING, PAUSED, RUNNING = range(4)
 
@@ -193,3 +196,19 @@ def test_a_stop_is_seen_when_no_program_runs_and_the_arm_rests():
     story.fields["interp_state"] = IDLE
     assert story.run(0.1).error("seen") is None
     assert ask(with_program(RUNNING), "seen", programs.see_stopped).run(2.1).cause("seen") is StopCause.TIMEOUT
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])
+def test_a_program_that_nears_a_zone_is_stopped_before_it(speed):
+    post = workspace_of({"cylinders": [{"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}]})
+    guard = MotionGuard(load_model("zu7"), post)
+    story = play(with_program(workspace=post)).run(0.1)
+    story.fields["interp_state"] = RUNNING
+    story.run(0.1)
+    while not story.count("stop_program"):
+        story.run(0.008, move=2.0, speed=speed)
+        assert story.joints[0] < 1.9
+    ahead = [story.joints[0] + 0.1 * speed + 0.5 * speed ** 2 / 6.0, *story.joints[1:]]
+    assert guard.nearest(tuple(story.joints)).distance > DEFAULT_MARGIN
+    assert 0.0 < guard.nearest(tuple(ahead)).distance < 2.0 * DEFAULT_MARGIN, "in time, and not sooner than needed"
+    assert story.cause("end") is StopCause.MOTION_GUARD and "from the cylinder 'post'" in str(story.error("end"))

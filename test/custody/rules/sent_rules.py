@@ -16,6 +16,7 @@ from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken, Verdicts
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.guard import MotionGuard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -78,6 +79,7 @@ class SentRules:
                  identity: str, verdicts: Verdicts) -> None:
         self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
         self._verdicts = verdicts
+        self._motion_guard = MotionGuard(model, settings.workspace)
         self._is_foreign = bool(settings.simulator) and settings.simulator != identity
         self.knows_controller = False
         self.is_confirmed = not settings.simulator
@@ -269,6 +271,10 @@ class SentRules:
                 check = self._room.feed.blindness() if name in STREAMED else ""
                 self._verdicts.breaks(check, "f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
                     name, index + 1, value))
+        target = tuple(joints)
+        trouble = self._motion_guard.trouble(target)
+        if trouble and self._motion_guard.is_worse(target, self._room.controller.state.plant.joint_position):
+            raise RuleBroken("near", now, "%s takes the arm to where %s" % (name, trouble))
 
     # ---- servo frames ----
 

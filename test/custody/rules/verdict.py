@@ -8,6 +8,7 @@ RULES: Dict[str, str] = {
     "d": "nothing powers or enables after a fault, a restart or a lost link without a call",
     "e": "every call is answered once, in time, and the answer is true",
     "f": "no frame on the wire leaves the limits",
+    "near": "no joint target on the wire brings the arm nearer to itself than the margin",
     "g": "a state that is shown as new was true a moment ago",
     "h": "the guard knows whenever the arm moves",
     "i": "a stop goes out at once",

@@ -23,8 +23,12 @@ class Controller:
     def __init__(self):
         self.link_health = SimpleNamespace(connections=1)
         self.tools, self.users = TOOLS, USERS
+        self.known = "nothing"
         self.may_answer, self.was_asked, self.has_read = threading.Event(), threading.Event(), threading.Semaphore(0)
         self.may_answer.set()
+
+    def know_tools(self, tools):
+        self.known = tools
 
     def execute(self, query):
         self.was_asked.set()
@@ -68,6 +72,13 @@ def test_before_anything_was_read_the_flange_and_the_base_alone_are_known(table)
 def test_a_controller_that_does_not_tell_its_ids_uses_flange_and_base(table):
     state = state_with(tool=None, user=None)
     assert read(table).flange_t_tool(state) == table.base_t_user(state) == IDENTITY
+
+
+def test_the_arm_s_motion_guard_knows_the_tools_unless_they_may_have_changed(table, controller):
+    read(table)
+    assert controller.known == tuple(map(transform_from_pose, TOOLS))
+    with table.changing():
+        assert controller.known is None
 
 
 def test_tools_and_user_frames_are_found_by_their_own_ids(table):

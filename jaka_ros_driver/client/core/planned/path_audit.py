@@ -1,10 +1,11 @@
 """The audit of a path before anything of it is sent: by the controller's own kinematics, tool and user frame.
 
-The targets are audited, not what lies between them: a line between two places within reach may leave it, and the
-controller then stops the arm there.
+What lies between the targets is looked at by the motion guard, where it is on and knows tool and user frame. Else a
+line between two places within reach may leave it, and the controller then stops the arm there.
 """
 from typing import Callable, Sequence
 
+from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, StartPlace
 from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.commands import (
     ArcMove,
@@ -21,7 +22,7 @@ from jaka_ros_driver.trajectory.segments import MAX_SEGMENTS, PathPlace, Segment
 
 
 def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[[Command], Command],
-          check: Callable[[], None]) -> Procedure:
+          check: Callable[[], None], motion_check: MotionCheck) -> Procedure:
     """Find the places between which the segments lead, and check that each can be reached; return a SegmentPath.
 
     Args:
@@ -29,6 +30,7 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
         state: Of the arm at rest, where the path begins.
         audited: Raises InvalidCommand for a command outside the limits of the arm.
         check: Called before each question; what it raises ends the audit.
+        motion_check: Looks at the way of each segment.
 
     Raises:
         InvalidCommand: The first segment that cannot be run, by its number from 0, and why.
@@ -41,17 +43,20 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
     for number, command in enumerate(commands):
         _require(audited, command, number)
     places = [PathPlace(state.joint_position, Pose(state.tcp_position, state.tcp_rpy))]
+    place = motion_check.place_of(state)
     for number, command in enumerate(commands):
         check()
         before = places[-1].joints
         if isinstance(command, JointMove):
             pose = yield Ask(ForwardKinematics(command.joint_position))
             places.append(PathPlace(command.joint_position, pose))
+            place = _looked_at(motion_check, command, place, command.joint_position, number)
             continue
         if isinstance(command, ArcMove):
             before = yield from _joints_at(command.via, before, audited, number, "via")
-        places.append(PathPlace((yield from _joints_at(command.target, before, audited, number, "target")),
-                                command.target))
+        joints = yield from _joints_at(command.target, before, audited, number, "target")
+        places.append(PathPlace(joints, command.target))
+        place = _looked_at(motion_check, command, place, joints, number)
     return SegmentPath(commands, places)
 
 
@@ -63,6 +68,18 @@ def _joints_at(pose: Pose, reference: Vector, audited: Callable[[Command], Comma
         raise InvalidCommand("segment %d: its %s cannot be reached: %s" % (number, what, error)) from error
     _require(audited, JointMove(joints, 0.1, 0.1), number)
     return joints
+
+
+def _looked_at(motion_check: MotionCheck, command: PathCommand, place: StartPlace, joints: Vector,
+               number: int) -> StartPlace:
+    """Return the place behind a segment whose way is clear; where its joints are not known, those of the controller."""
+    try:
+        place = motion_check.after_move(command, place)
+        if place.joints is None:
+            place = motion_check.after_move(JointMove(joints, 0.1, 0.1), place)
+        return place
+    except InvalidCommand as error:
+        raise InvalidCommand("segment %d: %s" % (number, error)) from error
 
 
 def _require(audited: Callable[[Command], Command], command: Command, number: int) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Callable, Optional
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
@@ -47,12 +48,17 @@ class ProgramMotion(ArmMotion):
         self._is_seen = False
         self._over_since: Optional[float] = None
         self._ran_at = -_NEVER
+        self._feed_watch = FeedWatch(custody.motion_check.look())
 
     def begin(self, now: float) -> None:
         self._custody.channel.request(self._command, now, self._replied)
 
     def observe(self, state: RobotState, now: float) -> None:
         if self._accepted_at is None or state.received_at <= self._accepted_at:
+            return
+        trouble = self._feed_watch.trouble(state)
+        if trouble:
+            self._custody.stop(MotionInterrupted(StopCause.MOTION_GUARD, trouble), now)
             return
         if state.program_state in PROGRAM_UNDER_WAY:
             if not self._is_seen:

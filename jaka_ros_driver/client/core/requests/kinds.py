@@ -101,12 +101,14 @@ class MoveRequest(_MotionRequest):
         running = self._arm.running(Move)
         if self._wait or running is None:
             return False
-        running.add(self._command, self.call, now, self._end)
+        place = self._arm.custody.motion_check.after_move(self._command, running.place)
+        running.add(self._command, self.call, now, place, self._end)
         return True
 
     def begin(self, now: float) -> None:
-        custody = self._arm.custody
-        custody.begin(Move(custody, self._command, self.call, self._wait, self._state(now), self._end), now)
+        custody, state = self._arm.custody, self._state(now)
+        place = custody.motion_check.after_move(self._command, custody.motion_check.place_of(state))
+        custody.begin(Move(custody, self._command, self.call, self._wait, state, place, self._end), now)
 
 
 class PathRequest(_MotionRequest):
@@ -126,7 +128,8 @@ class PathRequest(_MotionRequest):
 
     def begin(self, now: float) -> None:
         self._arm.admission.is_setting = True
-        self._arm.carry_out(audit(self._commands, self._state(now), self._arm.audited, self._require_wanted),
+        self._arm.carry_out(audit(self._commands, self._state(now), self._arm.audited, self._require_wanted,
+                                  self._arm.custody.motion_check),
                             self._audited, now)
 
     def _require_wanted(self) -> None:

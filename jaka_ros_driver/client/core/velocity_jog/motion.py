@@ -72,12 +72,18 @@ class VelocityJog(Streaming):
 
     def _entered(self, now: float) -> None:
         settings = self._custody.settings
-        self._ramp = JogRamp(commanded_joints(self._state), self._model, JogSpeeds(
+        begin = commanded_joints(self._state)
+        self._is_guarded(begin)
+        self._ramp = JogRamp(begin, self._model, JogSpeeds(
             settings.jog_max_joint_speed, settings.jog_max_linear_speed, settings.jog_max_angular_speed))
 
     def _not_entered(self, error: JakaError) -> None:
         self._dead_man.release(str(error))
         self._custody.actions.log(logging.WARNING, "velocity jog: %s" % error)
+
+    def _brakes(self, trouble: str) -> None:
+        super()._brakes(trouble)
+        self._dead_man.release(trouble)
 
     def _frame(self, now: float) -> ServoJoint:
         assert self._ramp is not None

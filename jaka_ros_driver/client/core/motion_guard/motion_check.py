@@ -1,0 +1,224 @@
+"""The check of every motion, as ``~guard_motion`` asks for it: refused, only logged, or not looked at.
+
+It is no safety function: it knows slim capsules and the zones of a file, and nothing of people.
+"""
+import logging
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.client.core.actions import Actions
+from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace, joint_reaches
+from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
+from jaka_ros_driver.client.core.motion_guard.line_walk import walk
+from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, PathCommand, Pose
+from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.inverse import inverse
+from jaka_ros_driver.kinematics.rotations import Transform
+from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.trajectory.path import Path
+
+STOP, WARN, OFF = "stop", "warn", "off"
+"""The values of ``~guard_motion``: refuse and brake, only log, do not look."""
+_SAMPLE_PERIOD_S = 0.04
+"""Longest time, s, between two places of a trajectory that are joined by a straight line in joint space: at the highest
+acceleration a joint is at most 3 mrad beside it.
+"""
+
+
+class StartPlace(NamedTuple):
+    """The place where a motion begins.
+
+    Attributes:
+        joints: rad (6,); None where they are not known: behind a line whose frames are not.
+        frames: The active tool and user frame; None where they are not known.
+    """
+
+    joints: Optional[Vector]
+    frames: Optional[ToolFrames]
+
+    @classmethod
+    def unknown(cls) -> "StartPlace":
+        """Return a place of which nothing is known."""
+        return cls(None, None)
+
+
+class MotionCheck:
+    """The check of motions before they are sent, which makes the watches over those that run.
+
+    Attributes:
+        tools: ``flange_t_tool`` by tool id, from the controller's table; None while it is not known.
+    """
+
+    def __init__(self, model: ArmModel, settings: ClientSettings, actions: Actions) -> None:
+        self._model, self._actions, self._mode = model, actions, settings.guard_motion
+        self._guard = MotionGuard(model, settings.workspace)
+        self._reaches = joint_reaches(model, settings.workspace)
+        self._has_told_frames = False
+        self.tools: Optional[Sequence[Transform]] = None
+
+    @property
+    def is_on(self) -> bool:
+        """True where motions are looked at."""
+        return self._mode != OFF
+
+    @property
+    def refuses(self) -> bool:
+        """True where a motion in trouble is refused or braked; False where that is logged at most."""
+        return self._mode == STOP
+
+    def look(self) -> Look:
+        """Return the look at one motion while it lasts. Where trouble is only to be logged, it is logged once."""
+        space, act = ClearSpace(self._guard, self._reaches, DEFAULT_MARGIN), self._actor()
+        return lambda way: act(lambda: space.trouble(way))
+
+    def place_of(self, state: RobotState) -> StartPlace:
+        """Return the place of an arm at rest."""
+        return StartPlace(state.joint_position, tool_frames(self._model, state, self.tools))
+
+    def after_move(self, command: PathCommand, start: StartPlace) -> StartPlace:
+        """Check one move from its start; return the place where it ends.
+
+        Raises:
+            InvalidCommand: It would come too near to something, or cannot be followed; the message has place and
+                reason.
+        """
+        ends = [StartPlace(command.joint_position if isinstance(command, JointMove) else None, start.frames)]
+        if self.is_on:
+            self.judge(lambda: self._move_trouble(command, start, ends))
+        return ends[-1]
+
+    def pose_look(self, state: RobotState, look: Look) -> Callable[[Pose], str]:
+        """Return the look at the targets of a stream of poses, which follows them from an arm at rest.
+
+        It returns in words why the arm must not go from one target to the next; "" where it may, or where the joints
+        are not known.
+        """
+        frames, at, act = self.place_of(state).frames, [state.joint_position], self._actor()
+
+        def look_at(pose: Pose) -> str:
+            if frames is None or not self.is_on:
+                self._tell_unknown_frames()
+                return ""
+            reached: List[Vector] = []
+
+            def find() -> str:
+                reached.append(inverse(self._model, frames.flange_at(pose), at[0]))
+                return ""
+            trouble = act(find) or (look((at[0], reached[0])) if reached else "")
+            if reached and not trouble:
+                at[:] = reached
+            return trouble
+        return look_at
+
+    def judge(self, find: Callable[[], str]) -> None:
+        """Refuse, or log, the trouble that ``find`` returns in words; "" is none.
+
+        Raises:
+            InvalidCommand: There is some, or the look itself has failed: nothing is sent unchecked in silence.
+        """
+        trouble = self.found(find)
+        if trouble and self.refuses:
+            raise InvalidCommand("refused: " + trouble)
+        if trouble:
+            self._log_sent(trouble)
+
+    def found(self, find: Callable[[], str]) -> str:
+        """Return what ``find`` returns, or in words that it has failed."""
+        try:
+            return find()
+        except InvalidCommand as error:
+            return str(error)
+        except Exception as defect:
+            return "the motion guard has failed, so that nobody knows whether the way is clear: %r" % defect
+
+    def trajectory_trouble(self, path: Path) -> str:
+        """Return what a trajectory comes too near to, and when; "" where it is clear, or nobody looks.
+
+        It may be called from any thread.
+        """
+        return self.found(lambda: self._trajectory_trouble(path)) if self.is_on else ""
+
+    # ---- inside ----
+
+    def _actor(self) -> Callable[[Callable[[], str]], str]:
+        """Return the function that finds, for one motion, the trouble for which it must stand; "" for none."""
+        told: List[str] = []
+
+        def act(find: Callable[[], str]) -> str:
+            trouble = self.found(find) if self.is_on else ""
+            if not trouble or self.refuses:
+                return trouble
+            if not told:
+                told.append(trouble)
+                self._log_sent(trouble)
+            return ""
+        return act
+
+    def _log_sent(self, trouble: str) -> None:
+        self._actions.log(logging.WARNING, "sent, as ~guard_motion is %s: %s" % (self._mode, trouble))
+
+    def _trajectory_trouble(self, path: Path) -> str:
+        times = _times_of(path)
+        trouble = self._guard.first_trouble([tuple(joints) for joints in path.samples(times)[0].tolist()])
+        if trouble is None:
+            return ""
+        begin, end = times[trouble.index], times[min(trouble.index + 1, len(times) - 1)]
+        return "after %.3f s %s" % (begin + trouble.share * (end - begin), trouble.reason)
+
+    def _move_trouble(self, command: PathCommand, start: StartPlace, ends: List[StartPlace]) -> str:
+        if isinstance(command, JointMove):
+            return self._joint_trouble(command.joint_position, start.joints)
+        if start.joints is None or start.frames is None:
+            self._tell_unknown_frames()
+            return ""
+        return self._line_trouble(command, start.joints, start.frames, ends)
+
+    def _joint_trouble(self, target: Vector, start: Optional[Vector]) -> str:
+        if start is None:
+            return self._guard.trouble(target)
+        trouble = self._guard.first_trouble((start, target))
+        return "" if trouble is None else "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
+
+    def _line_trouble(self, command: Union[LinearMove, ArcMove], start: Vector, frames: ToolFrames,
+                      ends: List[StartPlace]) -> str:
+        try:
+            inverse(self._model, frames.flange_at(command.target), start)
+        except UnreachablePose as error:
+            return "its target cannot be reached: %s" % error
+        way = walk(self._model, frames, start, command)
+        trouble = self._guard.first_trouble(way.joints)
+        if trouble is not None:
+            return _place_text(way.share_at(trouble.index, trouble.share), way.length, trouble.reason)
+        if way.early_end is not None:
+            return _place_text(way.early_end.share, way.length, "it cannot go on: " + way.early_end.reason)
+        ends.append(StartPlace(way.end, frames))
+        return ""
+
+    def _tell_unknown_frames(self) -> None:
+        if self.is_on and not self._has_told_frames:
+            self._has_told_frames = True
+            self._actions.log(logging.WARNING, "the motion guard does not look at the way of lines and poses while the "
+                              "active tool and user frame are not known, or do not fit the model; said once")
+
+
+def _place_text(share: float, length: float, reason: str) -> str:
+    if length < 1e-3:
+        return "after %.0f %% of its turn %s" % (100.0 * share, reason)
+    return "after %.0f mm of %.0f mm %s" % (1e3 * share * length, 1e3 * length, reason)
+
+
+def _times_of(path: Path) -> "np.ndarray[Tuple[int], np.dtype[np.float64]]":
+    """Return the times of a path at whose places the straight lines between them are near enough to it, s."""
+    begin = max(path.begin, float(path.breaks[0]))  # before its polynomials the arm rests where they begin
+    marks = [begin, *[at for at in path.breaks.tolist() if begin < at < path.end], path.end]
+    if path.approach is not None and begin < path.approach.until < path.end:
+        marks = sorted({*marks, path.approach.until})
+    counts = [max(1, int(np.ceil((b - a) / _SAMPLE_PERIOD_S))) for a, b in zip(marks, marks[1:])]
+    pieces: List[Sequence[float]] = [np.linspace(a, b, count, endpoint=False).tolist()
+                                     for a, b, count in zip(marks, marks[1:], counts)]
+    return np.array([at for piece in pieces for at in piece] + [path.end])

@@ -1,0 +1,331 @@
+"""The motion guard in the driver's core: motions before they are sent, and while they last, in virtual time."""
+import math
+import re
+
+import pytest
+from simulated_arm import SimulatedArm
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
+from jaka_ros_driver.client.core.point_stream import StreamPoint
+from jaka_ros_driver.client.core.procedures import settings
+from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.rotations import IDENTITY, pose_from_transform, transform_from_pose
+from jaka_ros_driver.simulation.arm.plant import HOME
+
+MODEL = load_model("zu7")
+GUARD = MotionGuard(MODEL)
+TOOL = c.Pose((0.0, 0.02, 0.1), (0.1, 0.0, 0.5))
+TURNED = c.Pose((0.1, -0.2, 0.05), (0.0, 0.0, 0.5 * math.pi))
+CYCLE = 0.008
+INTO_THE_BASE = (1.781, -0.866, -2.694, 0.38, 0.163, -3.141)
+
+
+def simulated(joints=HOME, **settings):
+    return SimulatedArm(MODEL, joints, has_all_fields=True, **settings)
+
+
+def moved(arm, command):
+    return arm.ended(arm.begin("move", command, True))
+
+
+def names(arm):
+    return {request["cmdName"] for _, request in arm.sent}
+
+
+def near_its_margin(arm, guard=GUARD, within=0.03):
+    """Return whether the arm rests, at least the margin away from everything, and no farther than ``within``, m."""
+    return not arm.is_moving and DEFAULT_MARGIN - 1e-4 <= guard.nearest(arm.joints).distance <= DEFAULT_MARGIN + within
+
+
+def share_of_the_way(share, end=INTO_THE_BASE):
+    return tuple([a + share * (b - a) for a, b in zip(HOME, end)])
+
+
+def ended_by_the_guard(error):
+    return isinstance(error, MotionInterrupted) and error.cause is StopCause.MOTION_GUARD
+
+
+
+
+LOW_TABLE = workspace_of({"keep_out": [{"name": "table", "centre": [0.4, 0.0, 0.1], "size": [0.5, 1.0, 0.2]}]})
+LOW_GUARD = MotionGuard(MODEL, LOW_TABLE)
+
+
+def line(arm, x=0.0, y=0.0, z=0.0, speed=0.2, turned=0.0):
+    state = arm.state
+    position = tuple(p + d for p, d in zip(state.tcp_position, (x, y, z)))
+    rx, ry, rz = state.tcp_rpy
+    return c.LinearMove(c.Pose(position, (rx, ry, rz + turned)), speed, 1.0)
+
+
+# ---- before a motion ----
+
+def test_a_joint_move_into_the_base_is_refused_with_place_and_pair_and_a_legal_one_goes():
+    arm = simulated()
+    error = moved(arm, c.JointMove(INTO_THE_BASE, 1.0, 4.0))
+    assert isinstance(error, InvalidCommand)
+    assert re.match(r"refused: after \d+ % of the way the flange is \d+ mm from the base; at least 10 mm are kept",
+                    str(error)), error
+    assert "joint_move" not in names(arm) and arm.core.is_free
+    assert moved(arm, c.JointMove(share_of_the_way(0.7), 1.0, 4.0)) is None
+
+
+@pytest.mark.parametrize("mode, is_logged", [("warn", True), ("off", False)])
+def test_where_it_is_only_to_be_logged_or_not_looked_at_the_motion_goes(mode, is_logged):
+    arm = simulated(guard_motion=mode)
+    log = arm.core.actions.log
+    told = []
+    arm.core.actions.log = lambda level, text: (told.append(text), log(level, text))
+    assert moved(arm, c.JointMove(INTO_THE_BASE, 1.0, 4.0)) is None
+    assert any(text.startswith("sent, as ~guard_motion is warn: after ") for text in told) is is_logged
+
+
+def test_a_queued_move_is_looked_at_from_the_end_of_the_one_before_it():
+    arm = simulated()
+    first = arm.begin("move", c.JointMove(share_of_the_way(0.7), 1.0, 4.0), False)
+    refused = arm.begin("move", c.JointMove(share_of_the_way(0.85), 1.0, 4.0), False)
+    assert first.error is None
+    assert isinstance(refused.error, InvalidCommand) and "the flange is " in str(refused.error)
+    back = arm.begin("move", c.JointMove(HOME, 1.0, 4.0), False)
+    arm.until(lambda: arm.core.is_free)
+    assert back.error is None and arm.joints == pytest.approx(HOME, abs=1e-4)
+
+
+def test_a_queued_move_over_a_post_is_clear_from_the_lifted_end_of_the_one_before_it_only():
+    post = {"name": "post", "foot": [0.2, 0.35, 0.0], "height": 0.5, "radius": 0.05}
+    arm = simulated(workspace=workspace_of({"cylinders": [post]}))
+    lifted = HOME[:2] + (-0.5,) + HOME[3:]
+    beyond = (3.0,) + lifted[1:]
+    assert "from the cylinder 'post'" in str(moved(arm, c.JointMove(beyond, 1.0, 4.0)))
+    assert arm.begin("move", c.JointMove(lifted, 1.0, 4.0), False).error is None
+    assert arm.begin("move", c.JointMove(beyond, 1.0, 4.0), False).error is None
+    arm.until(lambda: arm.core.is_free)
+    assert arm.joints == pytest.approx(beyond, abs=1e-4)
+
+
+def test_a_queued_line_is_walked_from_the_end_of_the_joint_move_before_it():
+    arm = simulated()
+    away = (0.9,) + HOME[1:]
+    end = pose_from_transform(forward(MODEL, away))
+    assert arm.begin("move", c.JointMove(away, 1.0, 4.0), False).error is None
+    lower = c.Pose((end.position[0], end.position[1], end.position[2] - 0.1), end.rpy)
+    assert arm.begin("move", c.LinearMove(lower, 0.2, 1.0), False).error is None
+    far = c.Pose((end.position[0], end.position[1], 2.0), end.rpy)
+    refused = arm.begin("move", c.LinearMove(far, 0.2, 1.0), False)
+    assert "its target cannot be reached" in str(refused.error)
+    arm.until(lambda: arm.core.is_free)
+    assert arm.state.tcp_position == pytest.approx(lower.position, abs=1e-4)
+
+
+def test_a_target_out_of_reach_is_explained_and_not_sent():
+    arm = simulated()
+    error = moved(arm, line(arm, x=2.0))
+    assert str(error).startswith("refused: its target cannot be reached: out of reach"), error
+    assert "moveL" not in names(arm)
+
+
+def test_a_line_into_a_zone_is_refused_with_its_place_in_mm():
+    arm = simulated(workspace=LOW_TABLE)
+    error = moved(arm, line(arm, z=-0.3))
+    assert "from the keep-out box 'table'; at least 10 mm are kept" in str(error)
+    assert str(error).startswith("refused: after ") and " mm of 300 mm " in str(error)
+    assert moved(arm, line(arm, z=-0.05)) is None
+
+
+@pytest.mark.parametrize("has_tool, has_user", [(True, False), (False, True), (True, True)])
+def test_a_line_with_tool_and_user_frame_is_looked_at_with_both(has_tool, has_user):
+    arm = simulated(workspace=LOW_TABLE)
+    if has_tool:
+        arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), exclusive=True)
+    if has_user:
+        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    both = has_tool and has_user
+    if both:  # the feed alone shows the product of the two only
+        place = arm.core.custody.motion_check.place_of(arm.state)
+        assert place.frames is None
+        arm.core.custody.motion_check.tools = tuple(
+            transform_from_pose(pose) for pose in arm.does(lambda core: core.ask(c.Query.TOOL_FRAMES)))
+    frames = arm.core.custody.motion_check.place_of(arm.state).frames
+    assert frames.flange_t_tool == pytest.approx(transform_from_pose(TOOL) if has_tool else IDENTITY, abs=1e-4)
+    assert frames.base_t_user == pytest.approx(transform_from_pose(TURNED) if has_user else IDENTITY, abs=1e-4)
+    error = moved(arm, line(arm, z=-0.3))
+    assert "from the keep-out box 'table'" in str(error), error
+    assert moved(arm, line(arm, z=-0.05)) is None
+    assert moved(arm, line(arm, x=0.05, y=-0.05)) is None
+
+
+def test_a_path_is_looked_at_as_a_whole_before_its_first_segment():
+    arm = simulated(workspace=LOW_TABLE)
+    here = arm.state
+    pose = c.Pose(here.tcp_position, here.tcp_rpy)
+    down = c.Pose((pose.position[0], pose.position[1], pose.position[2] - 0.3), pose.rpy)
+    side = c.Pose((pose.position[0], pose.position[1] + 0.1, pose.position[2]), pose.rpy)
+    call = arm.begin("move_path", [c.LinearMove(side, 0.2, 1.0, 0.0), c.LinearMove(down, 0.2, 1.0, 0.0)],
+                     lambda: False, lambda: None)
+    error = arm.ended(call)
+    assert str(error).startswith("segment 1: refused: after "), error
+    assert "moveL" not in names(arm) and arm.core.is_free
+
+
+def test_a_guard_that_fails_refuses_and_sends_nothing_unchecked():
+    arm = simulated()
+
+    def fails(*_):
+        raise ZeroDivisionError("a defect")
+    guard = arm.core.custody.motion_check._guard
+    guard.first_trouble = guard.nearest = fails
+    error = moved(arm, c.JointMove((0.2,) + HOME[1:], 1.0, 4.0))
+    assert "the motion guard has failed" in str(error) and "a defect" in str(error) and "joint_move" not in names(arm)
+    assert in_servo(arm) is None
+    with pytest.raises(InvalidCommand, match="the motion guard has failed"):
+        arm.target(c.ServoJoint((0.01,) + HOME[1:]))
+
+
+def test_an_arm_in_trouble_moves_out_and_not_deeper():
+    begin, deeper = share_of_the_way(0.8), share_of_the_way(0.85)
+    assert GUARD.trouble(begin)
+    arm = simulated(begin)
+    assert isinstance(moved(arm, c.JointMove(deeper, 1.0, 4.0)), InvalidCommand)
+    assert moved(arm, c.JointMove(HOME, 1.0, 4.0)) is None
+
+
+# ---- while it moves ----
+
+def test_a_frame_guard_brakes_on_a_line_with_the_joints_acceleration_to_where_it_had_looked():
+    ways = []
+
+    def look(way):
+        ways.append(way)
+        return "a wall" if way[1][0] > 0.1 else ""
+    guard = FrameGuard(look, (0.0,) * 6)
+    speed, at, sent = 0.0, 0.0, [0.0]
+    while not guard.trouble:
+        speed = min(speed + 0.0008, 0.012)
+        at += speed
+        sent.append(guard.admitted((at, 0.5 * at, 0.0, 0.0, 0.0, 0.0))[0])
+    while not guard.is_standing:
+        joints = guard.braked()
+        assert joints[1] == pytest.approx(0.5 * joints[0], abs=1e-12)
+        sent.append(joints[0])
+    steps = [b - a for a, b in zip(sent, sent[1:])]
+    largest_change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
+    assert max(abs(b - a) for a, b in zip(steps, steps[1:])) <= largest_change * 1.001
+    assert sent[-1] == pytest.approx(ways[-2][2][0], abs=1e-9), "the stand of the last frame that was admitted"
+
+
+def in_servo(arm, active=True):
+    return arm.ended(arm.begin("servo_mode", active))
+
+
+def test_a_servo_stream_into_the_arm_itself_stands_before_it_touches_and_can_go_back():
+    arm = simulated()
+    assert in_servo(arm) is None
+    share, refused = 0.0, ""
+    while not refused:
+        share += 0.002
+        try:
+            arm.target(c.ServoJoint(share_of_the_way(share)))
+        except InvalidCommand as error:
+            refused = str(error)
+        arm.run(CYCLE)
+        assert share < 1.0 and GUARD.nearest(arm.joints).distance >= DEFAULT_MARGIN
+    assert refused.startswith("refused: on the way to the servo target the flange is ")
+    arm.run(0.5)
+    assert near_its_margin(arm) and not arm.core.is_free, "held in servo mode"
+    for step in range(50):
+        arm.target(c.ServoJoint(share_of_the_way(share - 0.002 * (step + 2))))
+        arm.run(CYCLE)
+    assert in_servo(arm, False) is None
+
+
+def test_a_pose_stream_into_a_zone_is_held_before_it():
+    arm = simulated(workspace=LOW_TABLE)
+    assert in_servo(arm) is None
+    arm.run(0.2)
+    here, refused, down = arm.state, "", 0.0
+    while not refused:
+        down += 0.0015
+        x, y, z = here.tcp_position
+        try:
+            arm.target(c.ServoPose(c.Pose((x, y, z - down), here.tcp_rpy)))
+        except InvalidCommand as error:
+            refused = str(error)
+        arm.run(0.016)
+        assert down < 0.3 and LOW_GUARD.nearest(arm.joints).distance >= DEFAULT_MARGIN - 1e-6
+    assert "from the keep-out box 'table'" in refused
+    arm.run(0.5)
+    assert near_its_margin(arm, LOW_GUARD, 0.003)
+
+
+def jogged(arm, wish, seconds):
+    """Hold a velocity jog: a message of rest, then this wish every 20 ms."""
+    rest = wish._replace(velocity=(0.0,) * 6)
+    for number in range(int(seconds / 0.02)):
+        now = arm.now
+        try:
+            arm.core.jog_velocity(JogMessage("pad", int(1e9 * now), 0.0, now, wish if number > 5 else rest), now)
+        except InvalidCommand as error:
+            return str(error)
+        finally:
+            arm._perform()
+        arm.run(0.02)
+    return ""
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.25, 0.5])
+def test_a_velocity_jog_into_the_arm_itself_stands_before_it_touches(speed):
+    arm = simulated()
+    way = [b - a for a, b in zip(HOME, INTO_THE_BASE)]
+    wish = Wish(c.JogFrame.JOINT, tuple([speed * w / max(map(abs, way)) for w in way]))
+    reason = jogged(arm, wish, 1.0 + 3.2 / speed)
+    assert "a message of zero velocity must come first (the flange is " in reason, reason
+    arm.until(lambda: arm.core.is_free)
+    assert near_its_margin(arm)
+    back = wish._replace(velocity=tuple([-v for v in wish.velocity]))
+    assert jogged(arm, back, 1.0) == "", "out it may go"
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.25])
+def test_a_velocity_jog_of_the_tool_into_a_zone_stands_before_it(speed):
+    arm = simulated(workspace=LOW_TABLE)
+    reason = jogged(arm, Wish(c.JogFrame.BASE, (0.0, 0.0, -speed, 0.0, 0.0, 0.0)), 1.0 + 0.4 / speed)
+    assert "from the keep-out box 'table'" in reason
+    arm.until(lambda: arm.core.is_free)
+    assert near_its_margin(arm, LOW_GUARD)
+
+
+def test_a_stream_of_points_into_the_arm_itself_is_held_before_it():
+    arm = simulated()
+    share, error = 0.0, None
+    while error is None:
+        share += 0.004
+        call = arm.begin("follow_point", StreamPoint(share_of_the_way(share), arm.now + 0.05), arm.core.stops)
+        arm.run(0.02)
+        error = call.error
+        assert share < 1.0 and GUARD.nearest(arm.joints).distance >= DEFAULT_MARGIN - 1e-6
+    assert "refused: on the way to the point the flange is " in str(error)
+    arm.until(lambda: arm.core.is_free)
+    assert near_its_margin(arm)
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])
+def test_a_jog_of_the_controller_is_stopped_before_a_zone(speed):
+    arm = simulated(workspace=LOW_TABLE, guard_motion="stop")
+    jog = c.Jog(c.JogFrame.JOINT, 1, -speed)
+    while arm.core.is_free or arm.is_moving:
+        call = arm.begin("jog", jog)
+        assert call.error is None
+        arm.run(0.1)
+        if arm.times_of("stop_program"):
+            break
+        assert arm.now < 140.0
+    arm.until(lambda: arm.core.is_free)
+    assert near_its_margin(arm, LOW_GUARD, 0.25), LOW_GUARD.nearest(arm.joints)

@@ -1,0 +1,46 @@
+"""The mutants of the guard of motions: of its shapes, its zones, and how it follows a path."""
+from typing import Tuple
+
+from mutant import Mutant
+
+GUARD = ("test/clearance/test_motion_guard.py",)
+SHAPE = ("test/clearance/test_shape.py",)
+WORKSPACE = ("test/clearance/test_workspace.py",)
+DISTANCES = ("test/clearance/test_distances.py",)
+URDF = ("test/clearance/test_collision_urdf.py",)
+
+OF_CLEARANCE: Tuple[Mutant, ...] = (
+    Mutant("a path is judged by its ends", "clearance/guard.py",
+           "                share = min(1.0, share + step)", "                share = 1.0", GUARD),
+    Mutant("an arm in trouble may go deeper", "clearance/guard.py",
+           "floors = [min(self._margin, gap - _SAME) for gap in gaps]",
+           "floors = [min(self._margin, gap - 1.0) for gap in gaps]", GUARD),
+    Mutant("an arm in trouble may not move out", "clearance/guard.py",
+           "floors = [min(self._margin, gap - _SAME) for gap in gaps]",
+           "floors = [self._margin for gap in gaps]", GUARD),
+    Mutant("an arm that has moved out may go back in", "clearance/guard.py",
+           "floors = [max(floor, min(self._margin, gap - _SAME)) for floor, gap in zip(floors, gaps)]",
+           "floors = list(floors)", GUARD),
+    Mutant("free way is not used up from segment to segment", "clearance/guard.py",
+           "slacks = [slack - rest * speed for slack, speed in zip(slacks, approach)]",
+           "slacks = list(slacks)", GUARD),
+    Mutant("the bound of a joint's motion leaves out the links between", "clearance/guard.py",
+           "turned = abs(a) + far", "turned = abs(a)", GUARD),
+    Mutant("a joint position that is no number is clear", "clearance/guard.py",
+           "if not math.isfinite(sum(joints)):", "if False:", GUARD),
+    Mutant("a part far from another has no distance to its zones", "clearance/guard.py",
+           "- half - radius", "+ half - radius", GUARD),
+    Mutant("a keep-in box keeps one end of a part in", "clearance/guard.py",
+           "return -max(signed(*p), signed(*q)) - radius", "return -min(signed(*p), signed(*q)) - radius", GUARD),
+    Mutant("the end of a segment is where its line goes on", "clearance/distances.py",
+           "                t = 1.0\n                s = min(1.0, max(0.0, (b - c) / a))", "                pass",
+           DISTANCES),
+    Mutant("a file in mm is taken", "clearance/workspace.py",
+           "COORDINATE_LIMIT = 10.0", "COORDINATE_LIMIT = 10000.0", WORKSPACE),
+    Mutant("the flange reaches beyond its face", "clearance/shape.py",
+           "Capsule(\"the flange\", 6, (0.0, 0.0, -d6), (0.0, 0.0, -link), link)",
+           "Capsule(\"the flange\", 6, (0.0, 0.0, -d6), (0.0, 0.0, 0.0), link)", SHAPE),
+    Mutant("the URDF's cylinders lie across", "clearance/collision_urdf.py",
+           "math.atan2(math.hypot(x, y), z), math.atan2(y, x)", "math.atan2(z, math.hypot(x, y)), math.atan2(y, x)",
+           URDF),
+)

@@ -1,0 +1,42 @@
+"""The mutants of the motion guard in the driver's core: before a motion, and while it lasts.
+
+``mutants.py`` puts them together with those of all other rooms.
+"""
+from typing import Tuple
+
+from mutant import Mutant
+
+PATHS = ("test/client/core/test_bad_paths.py",)
+MOTIONS = ("test/client/simulated/test_motion_guard.py",)
+PROGRAMS = ("test/client/core/test_program_stories.py",)
+
+OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
+    Mutant("a motion in trouble is sent", "client/core/motion_guard/motion_check.py",
+           "        if trouble and self.refuses:\n", "        if False:\n", PATHS),
+    Mutant("a guard that fails lets everything pass", "client/core/motion_guard/motion_check.py",
+           "            return \"the motion guard has failed, so",
+           "            return \"\" and \"the motion guard has failed, so",
+           MOTIONS),
+    Mutant("only the target of a joint move counts", "client/core/motion_guard/motion_check.py",
+           "trouble = self._guard.first_trouble((start, target))",
+           "trouble = self._guard.first_trouble((target, target))", PATHS),
+    Mutant("a queued move is looked at from where the arm is", "client/core/move.py",
+           "        self.place = place\n        self._custody = custody\n", "        self._custody = custody\n"
+           "        self.place = custody.motion_check.place_of(state)\n", MOTIONS),
+    Mutant("a limit is no end of a line", "client/core/motion_guard/line_walk.py",
+           "if not low <= angle <= high:", "if False:", PATHS),
+    Mutant("no place is singular", "client/core/motion_guard/line_walk.py",
+           "        if slowed * _SLOWED_TO > ", "        if 0.0 * slowed > ", PATHS),
+    Mutant("a tool frame of the table is the flange", "client/core/motion_guard/tool_frames.py",
+           "flange_t_tool = tools[state.tool_id]", "flange_t_tool = IDENTITY", MOTIONS),
+    Mutant("a stream does not look where it comes to stand", "client/core/motion_guard/frame_guard.py",
+           "self._look((self._joints, joints, stand))", "self._look((self._joints, joints))", MOTIONS),
+    Mutant("a stream that must brake stops at once", "client/core/motion_guard/frame_guard.py",
+           "0.0 if abs(s) <= abs(less) * (1.0 + _ROUNDING) else s - less", "0.0", MOTIONS),
+    Mutant("clear space has no end", "client/core/motion_guard/clear_space.py",
+           "        return moved < self._room\n", "        return True\n", MOTIONS),
+    Mutant("a program is not watched", "client/core/planned/program.py",
+           "        trouble = self._feed_watch.trouble(state)\n", "        trouble = \"\"\n", PROGRAMS),
+    Mutant("a watch forgets the time of reaction", "client/core/motion_guard/feed_watch.py",
+           "        ahead = _REACTION_S + ", "        ahead = ", PROGRAMS),
+)

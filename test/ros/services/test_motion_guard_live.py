@@ -1,0 +1,67 @@
+"""The motion guard behind the services, with a real master: refusals with their texts, and a stream that stands."""
+import contextlib
+import math
+import time
+
+import pytest
+import rospy
+import yaml
+from driver_bench import HOME, SimulatorProcess
+from waiting import eventually
+
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.kinematics.arm_models import load_model
+
+INTO_THE_BASE = [1.781, -0.866, -2.694, 0.38, 0.163, -3.141]
+SPEED = {"mvvelo": 2.0, "mvacc": 8.0}
+POST = {"name": "post", "foot": [0.2, -0.35, 0.0], "height": 1.0, "radius": 0.05}
+GUARD = MotionGuard(load_model("zu7"), workspace_of({"cylinders": [POST]}))
+
+
+@pytest.fixture(scope="module")
+def guarded(ros_node, driven_by, tmp_path_factory):
+    """Start a driver with a post beside the arm."""
+    file = tmp_path_factory.mktemp("workspace") / "post.yaml"
+    file.write_text(yaml.safe_dump({"cylinders": [POST]}))
+    rospy.set_param("/jaka_driver/workspace", str(file))
+    try:
+        with contextlib.closing(SimulatorProcess("--start", "enabled")) as process, driven_by(process) as arm:
+            arm.wait_until_ready()
+            yield arm
+    finally:
+        rospy.delete_param("/jaka_driver/workspace")
+
+
+def joints(arm):
+    return tuple(math.radians(angle) for angle in arm.simulator.state()["joint_position"])
+
+
+def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goes(guarded):
+    refused = guarded.call("joint_move", pose=INTO_THE_BASE, **SPEED)
+    assert refused.ret != 1 and "of the way" in refused.message
+    assert "from the base; at least 10 mm are kept" in refused.message
+    assert not guarded.simulator.is_moving()
+    legal = guarded.call("joint_move", pose=[0.2] + HOME[1:], **SPEED)
+    assert legal.ret == 1, legal.message
+    assert guarded.call("joint_move", pose=HOME, **SPEED).ret == 1
+
+
+def test_a_move_into_a_zone_of_the_file_is_refused(guarded):
+    refused = guarded.call("joint_move", pose=[-1.6] + HOME[1:], **SPEED)
+    assert refused.ret != 1 and "from the cylinder 'post'" in refused.message
+
+
+def test_a_servo_stream_towards_the_zone_stands_before_it(guarded):
+    assert guarded.call("servo_move_enable", enable=True).ret == 1
+    target, reply = 0.0, None
+    while reply is None or reply.ret == 1:
+        target -= 0.004
+        reply = guarded.call("servo_j", pose=[target] + HOME[1:])
+        assert target > -1.6
+        time.sleep(0.008)  # the pace of the client is the subject
+    assert "refused: on the way to the servo target" in reply.message and "'post'" in reply.message
+    assert eventually(lambda: not guarded.simulator.is_moving())
+    assert DEFAULT_MARGIN - 1e-3 <= GUARD.nearest(joints(guarded)).distance <= 2.0 * DEFAULT_MARGIN
+    assert guarded.call("servo_move_enable", enable=False).ret == 1
+    assert guarded.call("joint_move", pose=HOME, **SPEED).ret == 1
