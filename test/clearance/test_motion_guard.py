@@ -6,6 +6,7 @@ import dh_oracle
 import pytest
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.shape import arm_shape
 from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
@@ -111,6 +112,27 @@ def test_a_floor_is_the_top_of_a_box_without_end(guard):
     for _ in range(200):
         joints = dh_oracle.random_joints(load_model("zu7"), rng)
         assert floored.nearest(joints).distance == pytest.approx(boxed.nearest(joints).distance, abs=1e-7)
+
+
+def test_a_keep_in_box_keeps_all_of_every_part_in():
+    model, rng = load_model("zu7"), random.Random(7)
+    guard = MotionGuard(model, workspace_of({
+        "keep_in": [{"name": "cell", "centre": [0.0, 0.0, 0.5], "size": [1.4, 1.4, 1.4]}]}))
+    alone, decided = MotionGuard(model), 0
+    for _ in range(200):
+        joints = dh_oracle.random_joints(model, rng)
+        frames = dh_oracle.matrices(model, joints)
+        ends = [(frames[part.frame] @ (*end, 1.0), part.radius) for part in arm_shape(model).capsules if part.frame >= 2
+                for end in (part.start, part.end)]
+        way = min(0.7 - max(abs(x), abs(y), abs(z - 0.5)) - radius for (x, y, z, _), radius in ends)
+        expected = min(way, alone.nearest(joints).distance)
+        found = guard.nearest(joints).distance
+        decided += way == expected
+        if expected > -0.02:  # farther out the way to a corner counts, which is longer
+            assert found == pytest.approx(expected, abs=1e-9)
+        else:
+            assert found < -0.02
+    assert decided > 20
 
 
 @pytest.mark.parametrize("name", ["zu7", "a12", "minicobo"])
