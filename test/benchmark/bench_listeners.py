@@ -12,14 +12,15 @@ import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / "support"), str(TESTS / "support" / "live"), str(TESTS / "ros"), str(TESTS / "benchmark")]
 
-from arm_bench import processes_with
-from bench_driver import BARE_PUBLISHER, cpu_seconds, is_at_this_master, ms, print_row
-from conftest import driven
-from driver_bench import SimulatorProcess
-from figures import HostLoad, percentile
-from ros_graph import master
+from arm_bench import processes_with  # noqa: E402
+from bench_driver import BARE_PUBLISHER, cpu_seconds, is_at_this_master, ms, print_row  # noqa: E402
+from conftest import driven  # noqa: E402
+from driver_bench import SimulatorProcess  # noqa: E402
+from figures import HostLoad, percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 LISTENERS = (0, 1, 5, 20)
 STOPS = 60

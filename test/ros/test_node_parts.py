@@ -15,8 +15,8 @@ from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 PARTS = ("ArmClient", "CallPublisher", "ControllerManager", "Diagnostics", "DriverLock", "FrameReader", "Guard",
          "IoPublisher", "JogSubscribers", "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction",
          "RequestDecoder", "RobotStatusPublisher", "SensorPublishers", "ServiceHandlers", "Services", "ServoTopics",
-         "SpeedPublisher", "StatePublishers", "StateQuery", "TrajectoryInterface", "audit_log_of", "keep_serving",
-         "refuse_topics_used_twice", "rospy")
+         "SpeedPublisher", "StatePublishers", "StateQuery", "TrajectoryInterface", "audit_log_of", "direct_publisher",
+         "keep_serving", "refuse_topics_used_twice", "rospy")
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_an_audit_log_that_could_not_be_written_to_its_end_is_said(parts, caplog
 def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_changes(parts):
     one = driver()
     told = []
-    parts["rospy"].Publisher.return_value.publish.side_effect = told.append
+    parts["direct_publisher"].return_value.publish.side_effect = told.append
     for is_simulated in (None, True, True, None, False, False, True):
         parts["ArmClient"].return_value.is_simulated = is_simulated
         one.publish_kind()

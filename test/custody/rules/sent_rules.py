@@ -314,8 +314,7 @@ class SentRules:
         if before is None:
             self._began = joints
         # joints may stand beyond the range of streams where one begins
-        self._within(self._model.joint_limits if self.jog.is_running else limits.stream_limits(
-            self._model, self._began), "servo_j", joints, now)
+        self._within(limits.stream_limits(self._model, self._began), "servo_j", joints, now)
         if before is None:
             measured = self._room.controller.state.plant.joint_position
             if not _near(measured, joints, FIRST_FRAME_NEAR):

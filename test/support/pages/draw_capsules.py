@@ -77,5 +77,10 @@ def picture():
     return "\n".join(lines + ["</svg>"]) + "\n"
 
 
-if __name__ == "__main__":
+def draw() -> None:
+    """Write the picture."""
     PICTURE.write_text(picture(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    draw()
