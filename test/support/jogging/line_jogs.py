@@ -153,12 +153,13 @@ def jogged(case):
     obstacle = getattr(ramp, "obstacle", "")
     while not ramp.is_still:
         meter.take(ramp.step(None))
-    way, back, nearest = along, None, math.inf
+    way, back, nearest, standing = along, None, math.inf, 0
     for _ in range(longest):
         along, shift, turn = meter.take(ramp.step(case.wish(-case.speed)))
         if abs(along) < nearest:
             nearest, back = abs(along), (shift, turn)
-        if along <= 0.0 or ramp.is_still:
+        standing = standing + 1 if ramp.is_still else 0
+        if along <= 0.0 or standing >= STANDING:
             break
     return JogVerdict(way, meter.sideways, meter.turn, back if nearest < 2e-3 else None,
                       meter.is_crossed, meter.is_within, obstacle)

@@ -49,6 +49,8 @@ _ROUNDING = 1e-9
 _SINGULAR = 1e-4
 """Singularity measure below which the Jacobian has no inverse: only what the joints can do there is asked of them."""
 _TRIES = 3
+_SLOW, _SLOWEST = 0.01, 1e-6
+"""Rates of the way, 1/s, at which a step is too short to tell of the next one, and below which it is none."""
 _LESS, _MORE, _LEAST = 0.3, 2.0, 0.1
 """Factors of the share of the wanted change that is tried, after one that failed and one that did not; its lowest."""
 _NOTHING = (0.0,) * JOINT_COUNT
@@ -137,9 +139,9 @@ class LineFollower:
                 self.obstacle = ""
                 self._take(line, steps)
                 return self.now.joint_position
-        is_least, self._share = self._share == _LEAST, max(_LEAST, _LESS * self._share)
+        is_stuck, self._share = self._share == _LEAST and self.now.speed == 0.0, max(_LEAST, _LESS * self._share)
         self._take(self._line, self._brake)
-        self.obstacle = self._trouble if is_least and any(aim) and self.now.speed == 0.0 else ""
+        self.obstacle = self._trouble if is_stuck else ""
         return self.now.joint_position
 
     # ---- the line ----
@@ -191,7 +193,8 @@ class LineFollower:
         change = SERVO_PERIOD_S * min(TCP_ACCELERATION_CEILING / max(linear, _ROUNDING),
                                       JOINT_ACCELERATION_CEILING / max(angular, _ROUNDING))
         is_bend = not is_same and now.speed != 0.0
-        rates = _expected(self._before, now) if is_same and now.speed != 0.0 else self._rates(line, now)
+        is_known = is_same and abs(now.speed) > _SLOW
+        rates = _expected(self._before, now) if is_known else self._rates(line, now)
         step = self._step(line, now, speed, 0.0 if is_bend else change, rates)
         if step is None:
             return []
@@ -229,6 +232,8 @@ class LineFollower:
                             min(_SHARE * top, before + _SHARE * STEP_CHANGE) / rate)
                     low, high = max(low, min(ends)), min(high, max(ends))
             speed = min(max(wanted, low), high)
+            if abs(speed) < _SLOWEST:
+                speed = 0.0
             if low > high or (speed == 0.0 and wanted != 0.0):
                 break
             step = self._tried(line, now, speed, rates)
