@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.workspace import Workspace, workspace_of_text
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -257,6 +258,10 @@ class RequestDecoder:
     def program_name(self, request: "requests.LoadProgramRequest") -> str:
         """Decode a LoadProgram: the name, which the audit checks."""
         return str(request.name)
+
+    def workspace(self, request: "requests.SetWorkspaceRequest") -> Optional[Workspace]:
+        """Decode a SetWorkspace: the zones and the tool; None where it only asks."""
+        return workspace_of_text(request.yaml) if request.yaml.strip() else None
 
     def output(self, request: "requests.SetIORequest") -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Decode a SetIO. Any value but 0 switches a digital output on."""
