@@ -43,11 +43,14 @@ class ServiceOutcome:
 class ServiceHandlers:
     """The handlers of the services on one arm. Each returns its outcome, and raises a JakaError where it fails."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, ends: MotionEnds) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, ends: MotionEnds,
+                 show_zones: Callable[[Workspace], None]) -> None:
+        """Set up the handlers; ``show_zones`` is called when other zones are kept, and must not wait."""
         self._arm = arm
         self._config = config
         self._frames = frames
         self._ends = ends
+        self._show_zones = show_zones
         self._settings = threading.Lock()
         """Lock of settings that are read back.
 
@@ -177,6 +180,7 @@ class ServiceHandlers:
             before = self._arm.run(zones.kept)
             trouble = self._arm.run(lambda core: zones.keep(core, guard), exclusive=True)
             kept = self._arm.run(zones.kept)
+            self._show_zones(kept)
         message = "%s are kept, before %s" % (kept.summary(), before.summary())
         if trouble:
             message += "; where the arm stands %s: it can move out, and no deeper" % trouble

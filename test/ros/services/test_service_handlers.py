@@ -57,7 +57,7 @@ def arm():
 
 
 def handlers(arm, **parameters):
-    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds())
+    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds(), getattr(arm, "shown", []).append)
 
 
 @pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted, id 7")])
@@ -76,6 +76,7 @@ class GuardedArm(Arm):
     def __init__(self, trouble=""):
         super().__init__()
         self.model, self.workspace, self.trouble = load_model("zu7"), NO_ZONES, trouble
+        self.shown = []
 
     def run(self, procedure, exclusive=False):
         self.runs.append(exclusive)
@@ -94,7 +95,7 @@ class GuardedArm(Arm):
 def test_zones_are_changed_on_an_arm_that_nothing_moves_and_told_with_what_they_were():
     arm = GuardedArm()
     outcome = handlers(arm).workspace(ZONES)
-    assert arm.runs == [False, True, False] and arm.workspace == ZONES
+    assert arm.runs == [False, True, False] and arm.workspace == ZONES and arm.shown == [ZONES]
     assert outcome.message == "1 zone and 1 part of a tool are kept, before 0 zones and 0 parts of a tool"
     assert workspace_of_text(outcome.text) == ZONES
 
@@ -103,7 +104,8 @@ def test_a_question_for_the_zones_changes_nothing():
     arm = GuardedArm()
     arm.workspace = ZONES
     outcome = handlers(arm).workspace(None)
-    assert arm.runs == [False] and outcome.message == "nothing is changed: 1 zone and 1 part of a tool"
+    assert arm.runs == [False] and arm.shown == []
+    assert outcome.message == "nothing is changed: 1 zone and 1 part of a tool"
     assert workspace_of_text(outcome.text) == ZONES
 
 
