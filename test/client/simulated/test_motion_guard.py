@@ -241,6 +241,14 @@ def test_while_a_motion_is_in_custody_zones_are_not_changed_and_can_be_read(stre
     assert arm.does(zones.kept) == LOW_TABLE
 
 
+@pytest.mark.parametrize("fields", [{"emergency_stop": 1}, {"powered_on": 0, "enabled": False}, {"protective_stop": 1}])
+def test_on_an_arm_that_cannot_move_zones_are_changed(fields):
+    arm = simulated()
+    arm.show(**fields)
+    arm.run(0.2)
+    assert kept(arm, LOW_TABLE) == "" and arm.does(zones.kept) == LOW_TABLE
+
+
 def test_an_arm_that_stands_in_a_new_zone_is_told_so_and_moves_out_and_not_deeper():
     arm = simulated()
     box = workspace_of({"keep_out": [{"name": "bin", "centre": list(arm.state.tcp_position), "size": [0.2, 0.2, 0.2]}]})
