@@ -19,7 +19,7 @@ from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterru
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
-from jaka_ros_driver.kinematics.rotations import IDENTITY, pose_from_transform, transform_from_pose
+from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, pose_from_transform, transform_from_pose
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
@@ -226,6 +226,18 @@ def test_a_tool_that_is_set_counts_from_the_next_motion_on():
         {"name": "rod", "start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.1], "radius": 0.02}]}).tool)
     kept(arm, long_tool)
     assert "rod" in str(moved(arm, line(arm, z=-0.05)))
+
+
+def test_a_stream_counts_with_the_reach_of_the_tool_that_was_set():
+    arm = simulated()
+    turned = HOME[:5] + (HOME[5] + 0.25,)
+    tip = compose(forward(MODEL, turned), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.9, 0.0, 0.0))[9:]
+    kept(arm, workspace_of({
+        "keep_out": [{"name": "bin", "centre": list(tip), "size": [0.06, 0.06, 0.06]}],
+        "tool": [{"name": "rod", "start": [0.1, 0.0, 0.0], "end": [0.9, 0.0, 0.0], "radius": 0.01}]}))
+    look = arm.core.custody.motion_check.look()
+    assert look((HOME, HOME)) == ""
+    assert "'bin'" in look((HOME, turned))
 
 
 @pytest.mark.parametrize("stream", ["a move", "servo mode"])
