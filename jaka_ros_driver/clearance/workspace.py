@@ -116,6 +116,17 @@ class Workspace(NamedTuple):
             mapping["floor"] = self.floor
         return mapping
 
+    def as_yaml(self) -> str:
+        """Return the text of which ``workspace_of_text`` makes this workspace."""
+        import yaml  # as in ``_content``
+        return str(yaml.safe_dump(self.as_mapping(), sort_keys=False, allow_unicode=True, width=120))
+
+    def summary(self) -> str:
+        """Return in words how many zones and parts of a tool there are."""
+        zones = len(self.keep_out) + len(self.keep_in) + len(self.cylinders) + (self.floor is not None)
+        return "%d zone%s and %d part%s of a tool" % (
+            zones, "" if zones == 1 else "s", len(self.tool), "" if len(self.tool) == 1 else "s")
+
 
 _TOOL_KEYS = ("name", "start", "end", "radius")
 NO_ZONES = Workspace()
@@ -127,20 +138,42 @@ def load_workspace(path: str) -> Workspace:
     Raises:
         InvalidCommand: The file cannot be read, is too large or wrong; the message names file, key, value and range.
     """
-    import yaml  # imported here, because most cells have no such file
     try:
         if os.path.getsize(path) > MOST_BYTES:
             raise InvalidCommand("has more than %d bytes" % MOST_BYTES)
         with open(path, encoding="utf-8") as file:
-            content = yaml.load(file, Loader=yaml.SafeLoader)
+            content = _content(file.read())
         return workspace_of({} if content is None else content)
     except InvalidCommand as error:
         raise InvalidCommand("workspace file %s: %s" % (path, error)) from error
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else _one_line(error)
         raise InvalidCommand("workspace file %s: cannot be read: %s" % (path, reason)) from error
+
+
+def workspace_of_text(text: str) -> Workspace:
+    """Return the workspace in a text of YAML.
+
+    Raises:
+        InvalidCommand: It is too long, wrong, or holds nothing; the message names key, value and range.
+    """
+    if len(text.encode("utf-8", "surrogatepass")) > MOST_BYTES:
+        raise InvalidCommand("the yaml has more than %d bytes" % MOST_BYTES)
+    try:
+        content = _content(text)
+    except InvalidCommand as error:
+        raise InvalidCommand("the yaml %s" % error) from error
+    if content is None:
+        raise InvalidCommand("the yaml holds nothing; {} is a workspace without zones and tool")
+    return workspace_of(content)
+
+
+def _content(text: str) -> Any:
+    import yaml  # imported here, because most cells have no workspace
+    try:
+        return yaml.load(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, RecursionError, ValueError) as error:  # ValueError: a date or a number that is none
-        raise InvalidCommand("workspace file %s: is no YAML: %s" % (path, _one_line(error))) from error
+        raise InvalidCommand("is no YAML: %s" % _one_line(error)) from error
 
 
 def _one_line(error: Exception) -> str:

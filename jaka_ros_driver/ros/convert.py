@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.workspace import Workspace, workspace_of_text
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -258,6 +259,10 @@ class RequestDecoder:
         """Decode a LoadProgram: the name, which the audit checks."""
         return str(request.name)
 
+    def workspace(self, request: "requests.SetWorkspaceRequest") -> Optional[Workspace]:
+        """Decode a SetWorkspace: the zones and the tool; None where it only asks."""
+        return workspace_of_text(request.yaml) if request.yaml.strip() else None
+
     def output(self, request: "requests.SetIORequest") -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Decode a SetIO. Any value but 0 switches a digital output on."""
         bank = _member("type", request.type, IoBank)
@@ -324,7 +329,7 @@ def tool_pose(state: RobotState, stamp: genpy.Time, frame_id: str) -> Optional[P
     message.header.frame_id = frame_id
     p, q = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = all_m_to_mm(state.tcp_position)
-    q.x, q.y, q.z, q.w = _quaternion(rotation_vector_from_rpy(state.tcp_rpy))
+    q.x, q.y, q.z, q.w = quaternion(rotation_vector_from_rpy(state.tcp_rpy))
     return message
 
 
@@ -359,7 +364,7 @@ def transform_message(parent_t_child: Transform, parent: str, child: str, stamp:
     message.child_frame_id = child
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z = parent_t_child[9:]
-    rotation.x, rotation.y, rotation.z, rotation.w = _quaternion(rotation_vector_from_matrix(parent_t_child))
+    rotation.x, rotation.y, rotation.z, rotation.w = quaternion(rotation_vector_from_matrix(parent_t_child))
     return message
 
 
@@ -400,7 +405,7 @@ def for_each_joint(values: Sequence[float]) -> Float64MultiArray:
     return Float64MultiArray(layout=layout, data=list(values))
 
 
-def _quaternion(rotation_vector: Sequence[float]) -> Tuple[float, float, float, float]:
+def quaternion(rotation_vector: Sequence[float]) -> Tuple[float, float, float, float]:
     """Return the unit quaternion (x, y, z, w) of a rotation vector, rad (3,)."""
     x, y, z = rotation_vector
     angle = math.sqrt(x * x + y * y + z * z)

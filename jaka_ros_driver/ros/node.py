@@ -57,6 +57,7 @@ from jaka_ros_driver.ros.topics.sensors import SensorPublishers
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
+from jaka_ros_driver.ros.topics.workspace_markers import WorkspaceMarkers
 from jaka_ros_driver.ros.trajectories.controller_manager import ControllerManager
 from jaka_ros_driver.ros.trajectories.controller_params import ControllerParams, controller_params
 from jaka_ros_driver.ros.trajectories.query import StateQuery
@@ -96,7 +97,8 @@ class DriverNode:
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._ends = MotionEnds(self._arm)
-        handlers = ServiceHandlers(self._arm, config, self._frames, self._ends)
+        self._markers = WorkspaceMarkers(model, FrameNames(config))
+        handlers = ServiceHandlers(self._arm, config, self._frames, self._ends, self._markers.publish)
         self._services = Services(decoder, handlers, CallPublisher(), self._recorder)
         self._gripper = None if config.gripper is None else GripperAction(
             self._arm, config.gripper, handlers.output, GripperJoint(
@@ -145,6 +147,7 @@ class DriverNode:
         self._io.start()
         self._sensors.start()
         self._ends.start()
+        self._markers.publish(self._arm.settings.workspace)
         self._services.offer()
         self._recover.offer()
         self._paths.offer()

@@ -1,5 +1,5 @@
-"""Types of control_msgs, controller_manager_msgs and industrial_msgs, which are not packaged everywhere: the installed
-one, or one made here.
+"""Types of control_msgs, controller_manager_msgs, industrial_msgs and visualization_msgs, which are not installed
+everywhere: the installed one, or one made here.
 
 The definitions are of our own writing and have the fields of the published ones, so that their md5 is the same: with
 another one no client that was built with the published definition would connect.
@@ -24,6 +24,7 @@ MD5 = {
     "industrial_msgs/StopMotion": "50b1f38f75f5677e5692f3b3e7e1ea48",
     "control_msgs/GripperCommandAction": "950b2a6ebe831f5d4f4ceaba3d8be01e",
     "industrial_msgs/RobotStatus": "b733cb45a38101840b75c4c0d6093d19",
+    "visualization_msgs/MarkerArray": "d155b9ce5188fbaf89745847fd5882d7",
 }
 """Checksums of the published definitions; controller_manager_msgs as in ROS Noetic."""
 OLD_SWITCH_MD5 = "5e857dedf71d6f337975e15a1e7cfdd8"
@@ -99,6 +100,10 @@ _DEFINITIONS = {
     "controller_manager_msgs/SwitchControllerResponse": "bool ok\n",
     "controller_manager_msgs/UnloadControllerRequest": "string name\n",
     "controller_manager_msgs/UnloadControllerResponse": "bool ok\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Pose": "Point position\nQuaternion orientation\n",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
     "industrial_msgs/RobotMode": "int8 val\nint8 UNKNOWN=-1\nint8 MANUAL=1\nint8 AUTO=2\n",
     "industrial_msgs/RobotStatus": (
         "Header header                   # stamp: arrival of the status frame that tells this; frame_id: empty\n"
@@ -112,11 +117,20 @@ _DEFINITIONS = {
     "industrial_msgs/TriState": (
         "int8 val\nint8 UNKNOWN=-1\nint8 TRUE=1\nint8 ON=1\nint8 ENABLED=1\nint8 HIGH=1\nint8 CLOSED=1\nint8 FALSE=0\n"
         "int8 OFF=0\nint8 DISABLED=0\nint8 LOW=0\nint8 OPEN=0\n"),
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
     "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
     "trajectory_msgs/JointTrajectory": "Header header\nstring[] joint_names\nJointTrajectoryPoint[] points\n",
     "trajectory_msgs/JointTrajectoryPoint": (
         "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
         "duration time_from_start\n"),
+    "visualization_msgs/Marker": (
+        "uint8 ARROW=0\nuint8 CUBE=1\nuint8 SPHERE=2\nuint8 CYLINDER=3\nuint8 LINE_STRIP=4\nuint8 LINE_LIST=5\n"
+        "uint8 CUBE_LIST=6\nuint8 SPHERE_LIST=7\nuint8 POINTS=8\nuint8 TEXT_VIEW_FACING=9\nuint8 MESH_RESOURCE=10\n"
+        "uint8 TRIANGLE_LIST=11\nuint8 ADD=0\nuint8 MODIFY=0\nuint8 DELETE=2\nuint8 DELETEALL=3\nHeader header\n"
+        "string ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\n"
+        "std_msgs/ColorRGBA color\nduration lifetime\nbool frame_locked\ngeometry_msgs/Point[] points\n"
+        "std_msgs/ColorRGBA[] colors\nstring text\nstring mesh_resource\nbool mesh_use_embedded_materials\n"),
+    "visualization_msgs/MarkerArray": "Marker[] markers\n",
 }
 _SEPARATOR = "=" * 80 + "\nMSG: %s\n"
 _made: Dict[str, Any] = {}

@@ -11,6 +11,7 @@ from jaka_ros_driver.clearance.workspace import (
     Box,
     load_workspace,
     workspace_of,
+    workspace_of_text,
 )
 from jaka_ros_driver.errors import InvalidCommand
 
@@ -40,6 +41,31 @@ def test_a_file_is_the_mapping_in_it(tmp_path):
     assert load_workspace(str(path)) == NO_ZONES
     path.write_text(yaml.safe_dump(workspace_of(EVERYTHING).as_mapping()))
     assert load_workspace(str(path)) == workspace_of(EVERYTHING)
+
+
+@pytest.mark.parametrize("mapping", [
+    {}, EVERYTHING, {"floor": 1e-7}, {"keep_in": [dict(BOX, name="Zelle: \u00e4 #1 " * 6)]}])
+def test_a_workspace_reads_back_from_its_text_to_the_last_digit(mapping):
+    workspace = workspace_of(mapping)
+    assert workspace_of_text(workspace.as_yaml()) == workspace
+    assert workspace_of_text(yaml.safe_dump(mapping)) == workspace
+
+
+def test_a_summary_counts_every_kind():
+    assert workspace_of(EVERYTHING).summary() == "4 zones and 1 part of a tool"
+    assert workspace_of({"floor": 0.0}).summary() == "1 zone and 0 parts of a tool"
+
+
+@pytest.mark.parametrize("text, reason", [
+    ("# nothing", "holds nothing"), ("", "holds nothing"), ("keep_out: [", "the yaml is no YAML"),
+    ("[" * 5000, "the yaml is no YAML"), ("floor: 2001-99-99", "the yaml is no YAML"),
+    ("a\x00b", "the yaml is no YAML"), ("floor: 0 #" + "x" * MOST_BYTES, "more than 100000 bytes"),
+    ("floor: 0 #" + "\u00e4" * (MOST_BYTES // 2), "more than 100000 bytes"),
+    ("\udcff", "the yaml is no YAML"), ("just words", "must be a mapping"), ("floor: 11", "floor is 11"),
+    ("!!python/object:os.system {}", "the yaml is no YAML")])
+def test_texts_that_are_no_workspace_are_refused(text, reason):
+    with pytest.raises(InvalidCommand, match=reason):
+        workspace_of_text(text)
 
 
 @pytest.mark.parametrize("mapping, words", [

@@ -40,7 +40,7 @@ OF_CLEARANCE: Tuple[Mutant, ...] = (
     Mutant("the flange reaches beyond its face", "clearance/shape.py",
            "Capsule(\"the flange\", 6, (0.0, 0.0, -d6), (0.0, 0.0, -link), link)",
            "Capsule(\"the flange\", 6, (0.0, 0.0, -d6), (0.0, 0.0, 0.0), link)", SHAPE),
-    Mutant("the URDF's cylinders lie across", "clearance/collision_urdf.py",
+    Mutant("the URDF's cylinders lie across", "clearance/solids.py",
            "math.atan2(math.hypot(x, y), z), math.atan2(y, x)", "math.atan2(z, math.hypot(x, y)), math.atan2(y, x)",
            URDF),
 )

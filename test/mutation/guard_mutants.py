@@ -20,6 +20,13 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("only the target of a joint move counts", "client/core/motion_guard/motion_check.py",
            "trouble = self._guard.first_trouble((start, target))",
            "trouble = self._guard.first_trouble((target, target))", PATHS),
+    Mutant("a trajectory begins that was looked at with other zones", "client/core/requests/kinds.py",
+           "if self._start.workspace is not custody.motion_check.workspace:", "if False:", MOTIONS),
+    Mutant("the tool that was set reaches no farther", "client/core/motion_guard/motion_check.py",
+           "self._guard, self._reaches = guard, joint_reaches(self._model, guard.workspace)", "self._guard = guard",
+           MOTIONS),
+    Mutant("zones that were set are not kept", "client/core/procedures/zones.py",
+           "    core.custody.motion_check.keep(guard)\n", "", MOTIONS),
     Mutant("a queued move is looked at from where the arm is", "client/core/move.py",
            "        self.place = place\n        self._custody = custody\n", "        self._custody = custody\n"
            "        self.place = custody.motion_check.place_of(state)\n", MOTIONS),

@@ -20,6 +20,7 @@ SetPayload int16 tool_num, float32 mass, float32 xc, float32 yc, float32 zc --- 
 SetCollision bool is_enable, int16 value --- int16 ret, string message
 SetSpeedSlider float64 speed_slider_fraction --- bool success, string message
 LoadProgram string name --- bool success, string message
+SetWorkspace string yaml --- int16 ret, string message, string yaml
 SetIO string signal, int16 type, int16 index, float32 value --- int16 ret, string message
 GetIO string signal, int16 path, int16 type, int16 index --- float32 value, string message
 ClearErr --- int16 ret, string message

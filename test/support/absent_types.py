@@ -36,7 +36,7 @@ def offered(folder):
             exec(compile(planted.read(), name, "exec"), {})
     ros = sys.modules
     table, audit = ros["jaka_ros_driver.ros.services.table"], MagicMock()
-    with patch("rospy.Publisher", lambda name, *_, **__: topics.append(name)), \
+    with patch("rospy.Publisher", lambda name, *_, **__: topics.append(name) or MagicMock()), \
             patch("rospy.resolve_name", str), \
             patch.object(table, "ServiceServer", lambda name, kind, *_: services.update({name: kind._type})):
         ros["jaka_ros_driver.ros.services.call_publisher"].CallPublisher()

@@ -3,6 +3,7 @@ point.
 """
 from typing import List, NamedTuple, Optional, Union
 
+from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -63,12 +64,14 @@ class TrajectoryStart(NamedTuple):
         running: The trajectory that is joined; None where the arm rests.
         path: The path that it follows.
         time: On that path, where it is joined, s.
+        workspace: What the motion guard keeps, and the path is looked at with.
     """
 
     begin: PathStart
     running: Optional["Trajectory"] = None
     path: Optional[Path] = None
     time: float = 0.0
+    workspace: Optional[Workspace] = None
 
 
 class Goal(NamedTuple):

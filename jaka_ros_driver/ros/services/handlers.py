@@ -1,12 +1,15 @@
 """The handlers that carry services out with the arm, after a request was decoded to a command."""
 import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Mapping, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple, Union
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.guard import MotionGuard
+from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
+from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
+from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings, zones
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Terminal, ToolPayload
 from jaka_ros_driver.ros.frame_table import FrameReader
@@ -28,21 +31,26 @@ class ServiceOutcome:
         message: For the caller: what happened, or why not.
         value: The result, where the service has one; SI.
         is_success: False where it failed.
+        text: The result of a service that answers with a text.
     """
 
     message: str
     value: Any = None
     is_success: bool = True
+    text: str = ""
 
 
 class ServiceHandlers:
     """The handlers of the services on one arm. Each returns its outcome, and raises a JakaError where it fails."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, ends: MotionEnds) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, ends: MotionEnds,
+                 show_zones: Callable[[Workspace], None]) -> None:
+        """Set up the handlers; ``show_zones`` is called when other zones are kept, and must not wait."""
         self._arm = arm
         self._config = config
         self._frames = frames
         self._ends = ends
+        self._show_zones = show_zones
         self._settings = threading.Lock()
         """Lock of settings that are read back.
 
@@ -161,6 +169,24 @@ class ServiceHandlers:
     def speed(self, fraction: float) -> ServiceOutcome:
         """Serve set_speed_slider: set the controller's speed override; return when the feed shows it."""
         return ServiceOutcome(self._arm.run(lambda core: pausing.set_speed(core, fraction)))
+
+    def workspace(self, wanted: Optional[Workspace]) -> ServiceOutcome:
+        """Serve set_workspace: have the motion guard keep these zones and this tool; None only reads them."""
+        if wanted is None:
+            kept = self._arm.run(zones.kept)
+            return ServiceOutcome("nothing is changed: %s" % kept.summary(), text=kept.as_yaml())
+        guard = MotionGuard(self._arm.model, wanted)  # made here, as it takes some milliseconds with many zones
+        with self._settings:
+            before = self._arm.run(zones.kept)
+            trouble = self._arm.run(lambda core: zones.keep(core, guard), exclusive=True)
+            kept = self._arm.run(zones.kept)
+            self._show_zones(kept)
+        message = "%s are kept, before %s" % (kept.summary(), before.summary())
+        if trouble:
+            message += "; where the arm stands %s: it can move out, and no deeper" % trouble
+        if self._config.guard_motion != STOP:
+            message += "; ~guard_motion is %s: no motion is refused" % self._config.guard_motion
+        return ServiceOutcome(message, text=kept.as_yaml())
 
     def load_program(self, name: str) -> ServiceOutcome:
         """Serve program/load: load the program, and read its name back."""

@@ -23,7 +23,7 @@ from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.services.wire_definitions import other_definitions
 
 if TYPE_CHECKING:
-    from jaka_msgs.srv import GetFKResponse, GetIKResponse, GetIOResponse
+    from jaka_msgs.srv import GetFKResponse, GetIKResponse, GetIOResponse, SetWorkspaceResponse
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,6 +53,12 @@ def as_ret(response: WithRet, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set ``ret``, 1 or 0, and ``message`` (docs/interface.md section 4.1)."""
     response.ret = int(outcome.is_success)
     response.message = outcome.message
+
+
+def as_text(response: "SetWorkspaceResponse", outcome: ServiceOutcome, is_vendor: bool) -> None:
+    """Set the fields of set_workspace; the text is empty on failure."""
+    as_ret(response, outcome, is_vendor)
+    response.yaml = outcome.text
 
 
 def as_success(response: WithSuccess, outcome: ServiceOutcome, is_vendor: bool) -> None:
@@ -170,6 +176,7 @@ _ROWS: Tuple[ServiceSpec, ...] = (
     service("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
     service("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed, as_success),
     service("program/load", types.LoadProgram, RequestDecoder.program_name, ServiceHandlers.load_program, as_success),
+    service("set_workspace", types.SetWorkspace, RequestDecoder.workspace, ServiceHandlers.workspace, as_text),
 )
 
 

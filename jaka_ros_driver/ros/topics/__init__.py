@@ -10,5 +10,6 @@ motion_ends       the ends of accepted moves and programs
 robot_status      the status message of ROS-Industrial
 servo_topics      servo targets by topic
 jog_topics        velocity jog by topic
+workspace_markers  zones and capsules of the motion guard, for rviz
 diagnostics       condition of arm and link, once a second
 """

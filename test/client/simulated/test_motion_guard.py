@@ -7,18 +7,22 @@ from simulated_arm import SimulatedArm
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
-from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of
+from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
 from jaka_ros_driver.client.core.point_stream import StreamPoint
-from jaka_ros_driver.client.core.procedures import settings
+from jaka_ros_driver.client.core.procedures import settings, zones
+from jaka_ros_driver.client.core.trajectory import StartChanged
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
-from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
-from jaka_ros_driver.kinematics.rotations import IDENTITY, pose_from_transform, transform_from_pose
+from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, pose_from_transform, transform_from_pose
 from jaka_ros_driver.simulation.arm.plant import HOME
+from jaka_ros_driver.trajectory.build import BuildOptions, build_path
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 MODEL = load_model("zu7")
 GUARD = MotionGuard(MODEL)
@@ -195,6 +199,98 @@ def test_an_arm_in_trouble_moves_out_and_not_deeper():
     arm = simulated(begin)
     assert isinstance(moved(arm, c.JointMove(deeper, 1.0, 4.0)), InvalidCommand)
     assert moved(arm, c.JointMove(HOME, 1.0, 4.0)) is None
+
+
+# ---- other zones ----
+
+def kept(arm, workspace):
+    """Have the core keep this workspace as the service does; return what the arm is too near to where it stands."""
+    return arm.does(lambda core: zones.keep(core, MotionGuard(MODEL, workspace)), exclusive=True)
+
+
+def test_the_zones_that_were_set_last_are_kept_and_read_back():
+    arm = simulated()
+    down = line(arm, z=-0.3)
+    assert arm.does(zones.kept) == NO_ZONES
+    assert kept(arm, LOW_TABLE) == "" and arm.does(zones.kept) == LOW_TABLE
+    assert "from the keep-out box 'table'" in str(moved(arm, down))
+    assert kept(arm, NO_ZONES) == "" and arm.does(zones.kept) == NO_ZONES
+    assert moved(arm, down) is None
+
+
+def test_a_tool_that_is_set_counts_from_the_next_motion_on():
+    arm = simulated(workspace=LOW_TABLE)
+    assert moved(arm, line(arm, z=-0.05)) is None
+    assert moved(arm, line(arm, z=0.05)) is None
+    long_tool = LOW_TABLE._replace(tool=workspace_of({"tool": [
+        {"name": "rod", "start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.1], "radius": 0.02}]}).tool)
+    kept(arm, long_tool)
+    assert "rod" in str(moved(arm, line(arm, z=-0.05)))
+
+
+def test_a_stream_counts_with_the_reach_of_the_tool_that_was_set():
+    arm = simulated()
+    turned = HOME[:5] + (HOME[5] + 0.25,)
+    tip = compose(forward(MODEL, turned), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.9, 0.0, 0.0))[9:]
+    kept(arm, workspace_of({
+        "keep_out": [{"name": "bin", "centre": list(tip), "size": [0.06, 0.06, 0.06]}],
+        "tool": [{"name": "rod", "start": [0.1, 0.0, 0.0], "end": [0.9, 0.0, 0.0], "radius": 0.01}]}))
+    look = arm.core.custody.motion_check.look()
+    assert look((HOME, HOME)) == ""
+    assert "'bin'" in look((HOME, turned))
+
+
+@pytest.mark.parametrize("stream", ["a move", "servo mode"])
+def test_while_a_motion_is_in_custody_zones_are_not_changed_and_can_be_read(stream):
+    arm = simulated(workspace=LOW_TABLE)
+    if stream == "a move":
+        arm.begin("move", c.JointMove((0.5,) + HOME[1:], 0.2, 1.0), True)
+        assert arm.until(lambda: arm.is_moving, 1.0)
+    else:
+        assert in_servo(arm) is None
+    with pytest.raises(InvalidCommand, match="owns the arm's motion"):
+        kept(arm, NO_ZONES)
+    assert arm.does(zones.kept) == LOW_TABLE
+
+
+@pytest.mark.parametrize("fields", [{"emergency_stop": 1}, {"powered_on": 0, "enabled": False}, {"protective_stop": 1}])
+def test_on_an_arm_that_cannot_move_zones_are_changed(fields):
+    arm = simulated()
+    arm.show(**fields)
+    arm.run(0.2)
+    assert kept(arm, LOW_TABLE) == "" and arm.does(zones.kept) == LOW_TABLE
+
+
+def test_an_arm_that_stands_in_a_new_zone_is_told_so_and_moves_out_and_not_deeper():
+    arm = simulated()
+    box = workspace_of({"keep_out": [{"name": "bin", "centre": list(arm.state.tcp_position), "size": [0.2, 0.2, 0.2]}]})
+    assert re.match(r"the \S.* runs \d+ mm into the keep-out box 'bin'", kept(arm, box))
+    assert arm.does(zones.kept) == box
+    assert isinstance(moved(arm, line(arm, z=-0.05)), InvalidCommand)
+    assert moved(arm, line(arm, z=0.2)) is None
+
+
+def test_without_a_state_of_the_arm_zones_stay_as_they_are():
+    arm = simulated(workspace=LOW_TABLE)
+    arm.cut(Port.STATUS, refused_for=10.0)
+    arm.run(2.0)
+    with pytest.raises(ConnectionLost):
+        kept(arm, NO_ZONES)
+    assert arm.does(zones.kept) == LOW_TABLE
+
+
+def test_a_trajectory_that_was_looked_at_with_other_zones_does_not_begin():
+    arm = simulated()
+    arm.core.trajectory_start("start", 0.016, 0, arm.now)
+    arm._perform()
+    start, _ = arm.answers.pop("start")
+    end = (0.1,) + HOME[1:]
+    path = build_path(start.begin, JointTrajectory((TrajectoryPoint(2.0, end, (0.0,) * 6),)), 0.0, MODEL,
+                      BuildOptions(0.01))
+    kept(arm, LOW_TABLE)
+    tolerances = TrajectoryTolerances((0.02,) * 6, (0.001,) * 6, 0.5)
+    assert isinstance(arm.ended(arm.begin("follow", path, start, tolerances, 0)), StartChanged)
+    assert arm.core.is_free and "servo_j" not in names(arm)
 
 
 # ---- while it moves ----

@@ -3,6 +3,7 @@ import json
 import time
 
 import pytest
+from browser import Browser
 from fake_panel import HOME
 from import_graph import ROOT
 
@@ -63,6 +64,30 @@ def test_what_is_old_is_never_shown_as_new(panel, open_page):
         return document.elementFromPoint(box.x + 30, box.y + 30).closest('#stop') !== null; })()""")
     panel.refusing = False
     page.until("document.querySelector('#link-loss').hidden && !document.body.classList.contains('stale')")
+
+
+def test_zones_are_asked_for_when_the_server_has_other_ones(panel):
+    asked = []
+    panel.answers["zones"] = lambda arguments: asked.append(arguments) or {"data": {
+        "keep_out": [{"name": "press", "centre": [0.5, 0.3, 0.2], "size": [0.2, 0.2, 0.4], "rpy": [0.0, 0.0, 0.3]}],
+        "keep_in": [{"name": "cell", "centre": [0.0, 0.0, 0.5], "size": [2.0, 2.0, 2.0], "rpy": [0.0, 0.0, 0.0]}],
+        "cylinders": [{"name": "post", "foot": [0.0, -0.6, 0.0], "height": 1.0, "radius": 0.1}], "floor": -0.2}}
+
+    def tell(zones, count):
+        panel.arms[0]["zones"] = zones
+        panel.say(t="arms", arms=panel.arms)
+        until = time.monotonic() + 30.0
+        while len(asked) < count:
+            assert time.monotonic() < until, "the page asks"
+            time.sleep(0.01)  # between two looks
+    with Browser(webgl=True) as browser:
+        page = browser.open(panel.url)
+        page.until("document.querySelector('#joints td.number')?.textContent", "it is drawn")
+        assert not asked, "an arm whose zones cannot be asked for"
+        tell(12.5, 1)
+        tell(12.5, 1)
+        tell(13.0, 2)
+        assert asked == [{}, {}] and not page.complaints
 
 
 def test_foreign_text_stays_text(panel, open_page):

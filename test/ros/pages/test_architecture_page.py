@@ -121,7 +121,7 @@ def traced(tmp_path_factory, ros_node):
     server = None
     try:
         arm = bench.connect(silence_timeout=10.0, reply_timeout=10.0, stale_after=8.0)  # on a busy host, too
-        handlers = ServiceHandlers(arm, config_from({"ip": "127.0.0.1"}), FrameReader(arm), None)
+        handlers = ServiceHandlers(arm, config_from({"ip": "127.0.0.1"}), FrameReader(arm), None, None)
         services = Services(RequestDecoder(arm.model), handlers, CallPublisher(), Recorder(log))
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
         server = FollowedServer(tracer, "~joint_move", Move, services._handler(spec), CallCount())

@@ -198,6 +198,20 @@ def test_each_setting_does_what_it_says(page, live, arm):
     assert state(page, arm, lambda s: s["enabled"] is True)["robot"]["power"] == 1
 
 
+def test_a_page_hears_that_zones_have_changed_and_may_ask_for_them_without_control(page, live, arm):
+    def zones():
+        answer = page.command("zones", arm)
+        assert answer["ok"], answer
+        return answer["data"]
+    assert eventually(lambda: newest_arm(page)["zones"])
+    before, told = zones(), newest_arm(page)["zones"]
+    assert before == {"keep_out": [], "keep_in": [], "cylinders": [], "tool": []}
+    assert eventually(lambda: live.arm.call("set_workspace", yaml="floor: -1.5").ret == 1)
+    assert eventually(lambda: newest_arm(page)["zones"] != told)
+    assert zones() == dict(before, floor=-1.5)
+    assert live.arm.call("set_workspace", yaml="{}").ret == 1
+
+
 def test_moves_and_their_preview(page, live, arm):
     go_home(live)
     there(live, HOME)

@@ -26,6 +26,7 @@ from jaka_msgs.srv import (
     SetUserFrameRequest,
 )
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -408,6 +409,17 @@ def test_a_speed_is_a_share_of_the_programmed_one(fraction, is_taken):
     else:
         with pytest.raises(InvalidCommand, match="speed_slider_fraction"):
             DOCUMENTED.speed(request)
+
+
+@pytest.mark.parametrize("text, workspace", [
+    ("", None), (" \n", None), ("{}", NO_ZONES), ("floor: -0.1", workspace_of({"floor": -0.1}))])
+def test_a_workspace_without_a_text_only_asks(text, workspace):
+    assert DOCUMENTED.workspace(SimpleNamespace(yaml=text)) == workspace
+
+
+def test_a_wrong_workspace_is_refused_with_its_key():
+    with pytest.raises(InvalidCommand, match="unknown key 'flor'; nearest known is floor"):
+        DOCUMENTED.workspace(SimpleNamespace(yaml="flor: 0"))
 
 
 def test_a_negative_blend_radius_is_refused_and_another_taken():

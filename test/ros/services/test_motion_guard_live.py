@@ -10,8 +10,9 @@ from driver_bench import HOME, SimulatorProcess
 from waiting import eventually
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
-from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.clearance.workspace import workspace_of, workspace_of_text
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.ros.other_messages import message_type
 
 INTO_THE_BASE = [1.781, -0.866, -2.694, 0.38, 0.163, -3.141]
 SPEED = {"mvvelo": 2.0, "mvacc": 8.0}
@@ -37,6 +38,14 @@ def joints(arm):
     return tuple(math.radians(angle) for angle in arm.simulator.state()["joint_position"])
 
 
+def zones_shown(arm):
+    """Return the namespaces of the markers of zones that a new listener is sent."""
+    topic, kind = arm.name + "/workspace_markers", message_type("visualization_msgs/MarkerArray")
+    markers = rospy.wait_for_message(topic, kind, 10.0).markers
+    assert any(marker.ns == "arm" for marker in markers)
+    return {marker.ns for marker in markers} - {"", "arm"}
+
+
 def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goes(guarded):
     refused = guarded.call("joint_move", pose=INTO_THE_BASE, **SPEED)
     assert refused.ret != 1 and "of the way" in refused.message
@@ -50,6 +59,29 @@ def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goe
 def test_a_move_into_a_zone_of_the_file_is_refused(guarded):
     refused = guarded.call("joint_move", pose=[-1.6] + HOME[1:], **SPEED)
     assert refused.ret != 1 and "from the cylinder 'post'" in refused.message
+
+
+def test_zones_are_replaced_while_nothing_moves_and_the_next_move_keeps_the_new_ones(guarded):
+    assert zones_shown(guarded) == {"cylinder post"}
+    asked = guarded.call("set_workspace", yaml="")
+    assert asked.ret == 1 and workspace_of_text(asked.yaml) == workspace_of({"cylinders": [POST]})
+    try:
+        table = {"keep_out": [{"name": "table", "centre": [1.0, 0.0, 0.1], "size": [0.2, 1.0, 0.2]}]}
+        replaced = guarded.call("set_workspace", yaml=yaml.safe_dump(table))
+        assert replaced.ret == 1, replaced.message
+        assert workspace_of_text(replaced.yaml) == workspace_of(table)
+        assert eventually(lambda: zones_shown(guarded) == {"keep-out box table"})
+        assert guarded.call("joint_move", pose=[-1.6] + HOME[1:], **SPEED).ret == 1, "the post is gone"
+        assert guarded.call("servo_move_enable", enable=True).ret == 1
+        refused = guarded.call("set_workspace", yaml="{}")
+        assert refused.ret == 0 and "owns the arm's motion" in refused.message and refused.yaml == ""
+        assert guarded.call("servo_move_enable", enable=False).ret == 1
+        assert workspace_of_text(guarded.call("set_workspace", yaml="").yaml) == workspace_of(table)
+        assert guarded.call("joint_move", pose=HOME, **SPEED).ret == 1
+    finally:
+        assert guarded.call("set_workspace", yaml=asked.yaml).ret == 1
+    back = guarded.call("joint_move", pose=[-1.6] + HOME[1:], **SPEED)
+    assert back.ret != 1 and "'post'" in back.message
 
 
 def test_a_servo_stream_towards_the_zone_stands_before_it(guarded):

@@ -4,7 +4,9 @@ from types import SimpleNamespace
 import pytest
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of, workspace_of_text
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.convert import Terminal
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers
@@ -55,7 +57,7 @@ def arm():
 
 
 def handlers(arm, **parameters):
-    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds())
+    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds(), getattr(arm, "shown", []).append)
 
 
 @pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted, id 7")])
@@ -63,6 +65,55 @@ def test_a_move_is_waited_for_as_the_parameter_says_and_its_caller_told_so(arm, 
     outcome = handlers(arm, blocking=blocking).move(MOVE)
     assert arm.moves == [(MOVE, blocking)]
     assert outcome.is_success and outcome.message.startswith(message)
+
+
+ZONES = workspace_of({"floor": -0.1, "tool": [{"name": "rod", "start": [0, 0, 0], "end": [0, 0, 0.1], "radius": 0.02}]})
+
+
+class GuardedArm(Arm):
+    """An arm whose motion guard keeps what was set last; ``trouble`` is where it stands."""
+
+    def __init__(self, trouble=""):
+        super().__init__()
+        self.model, self.workspace, self.trouble = load_model("zu7"), NO_ZONES, trouble
+        self.shown = []
+
+    def run(self, procedure, exclusive=False):
+        self.runs.append(exclusive)
+        if not exclusive:
+            return self.workspace
+        checked = SimpleNamespace(keep=lambda guard: setattr(self, "workspace", guard.workspace))
+        running = procedure(SimpleNamespace(
+            fresh_state=lambda now: self.state, custody=SimpleNamespace(motion_check=checked),
+            actions=SimpleNamespace(log=lambda level, text: None)))
+        running.send(None)
+        with pytest.raises(StopIteration):
+            running.send(0.0)
+        return self.trouble
+
+
+def test_zones_are_changed_on_an_arm_that_nothing_moves_and_told_with_what_they_were():
+    arm = GuardedArm()
+    outcome = handlers(arm).workspace(ZONES)
+    assert arm.runs == [False, True, False] and arm.workspace == ZONES and arm.shown == [ZONES]
+    assert outcome.message == "1 zone and 1 part of a tool are kept, before 0 zones and 0 parts of a tool"
+    assert workspace_of_text(outcome.text) == ZONES
+
+
+def test_a_question_for_the_zones_changes_nothing():
+    arm = GuardedArm()
+    arm.workspace = ZONES
+    outcome = handlers(arm).workspace(None)
+    assert arm.runs == [False] and arm.shown == []
+    assert outcome.message == "nothing is changed: 1 zone and 1 part of a tool"
+    assert workspace_of_text(outcome.text) == ZONES
+
+
+@pytest.mark.parametrize("mode", ["warn", "off"])
+def test_who_sets_zones_hears_that_the_arm_stands_in_one_and_that_nothing_is_refused(mode):
+    message = handlers(GuardedArm("the flange is 4 mm from the floor"), guard_motion=mode).workspace(ZONES).message
+    assert "; where the arm stands the flange is 4 mm from the floor: it can move out, and no deeper" in message
+    assert message.endswith("; ~guard_motion is %s: no motion is refused" % mode)
 
 
 @pytest.mark.parametrize("active", [True, False])

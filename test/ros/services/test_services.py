@@ -102,6 +102,12 @@ GOOD = [
     ("program/play", "", {"success": True}, lambda s: True), ("program/pause", "", {"success": True}, lambda s: True),
     ("program/resume", "", {"success": True}, lambda s: True),
     ("program/stop", "", {"success": True, "message": "no program runs, the arm rests"}, lambda s: not s["is_moving"]),
+    ("set_workspace", text(yaml="'floor: -1.5'"),
+     {"ret": 1, "message": "1 zone and 0 parts of a tool are kept, before 0 zones and 0 parts of a tool"},
+     lambda s: True),
+    ("set_workspace", text(yaml="'{}'"), {"ret": 1}, lambda s: True),
+    ("set_workspace", text(yaml="''"), {"ret": 1, "message": "nothing is changed: 0 zones and 0 parts of a tool"},
+     lambda s: True),
 ]
 
 
@@ -157,6 +163,7 @@ BAD = [
     ("pause", {}, "moves nothing"), ("resume", {}, "moves nothing"),
     ("program/load", {"name": ""}, "the name of a program file"), ("program/load", {"name": "a/b"}, "without folder"),
     ("program/pause", {}, "the program is idle"), ("program/resume", {}, "the program is idle"),
+    ("set_workspace", {"yaml": "floor: 11"}, "from -10 to 10"), ("set_workspace", {"yaml": "#"}, "holds nothing"),
     ("set_io", {"signal": "x", "type": 0, "index": 0, "value": 1.0}, "signal is 'x'"),
     ("set_io", {"signal": "digital", "type": 0, "index": 500, "value": 1.0}, ""),
 ]

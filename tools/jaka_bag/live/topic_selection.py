@@ -9,7 +9,7 @@ _DRIVER_TOPICS = (
     "tool_position", "joint_position", "robot_states", "service_calls", "io_states", "motion_state", "program/state",
     "speed_scaling_factor", "robot_status", "joint_currents", "joint_temperatures", "simulated", "jog_joints",
     "jog_twist", "servo_j_command", "servo_p_command", "move_path/goal", "move_path/cancel", "recover/goal",
-    "recover/cancel")
+    "recover/cancel", "workspace_markers")
 _NAMESPACE_TOPICS = ("joint_states", "tf", "tf_static", "diagnostics")
 _GLOBAL_TOPICS = ("/tf", "/tf_static", "/diagnostics")
 

@@ -94,6 +94,12 @@ class ArmFeed:
             "/rosout_agg": rospy.Subscriber("/rosout_agg", Log, self._take_log, queue_size=200)}
         self.follow(driver, False)
 
+    @property
+    def zones(self) -> Optional[float]:
+        """The time at which other zones came, monotonic, s; None before the first."""
+        heard = self._heard.get("zones")
+        return None if heard is None else round(heard.at, 3)
+
     # ---- subscriptions ----
 
     def follow(self, driver: Driver, is_watched: bool) -> None:
@@ -111,6 +117,7 @@ class ArmFeed:
             if known is not None:
                 self._seldom[topic] = rospy.Subscriber(topic, known, take, queue_size=200)
         self._add_raw(self._seldom, "speed_scaling_factor", "speed")
+        self._add_raw(self._seldom, "workspace_markers", "zones")
         if is_watched:
             self._watch()
         elif self._watched:

@@ -6,6 +6,7 @@ import math
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import rospy
+import yaml
 from roslib import message as roslib_message
 
 from .arms import Driver
@@ -230,6 +231,12 @@ def _program_load(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return _told(_call(driver, "program/load", "jaka_msgs/LoadProgram", name=text(args, "name")))
 
 
+def _zones(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+    response = _call(driver, "set_workspace", "jaka_msgs/SetWorkspace", yaml="")  # empty: it only reads
+    done = _told(response)
+    return done._replace(data=yaml.safe_load(response.yaml)) if done.ok else done
+
+
 REQUESTS: Dict[str, Request] = {
     "power": Request(_switch("power"), LONG_S), "enable": Request(_switch("enable"), LONG_S),
     "drag": Request(_switch("drag_mode")), "recover": Request(_trigger("recover"), LONG_S),
@@ -240,6 +247,7 @@ REQUESTS: Dict[str, Request] = {
     "collision": Request(_collision), "joint_move": Request(_joint_move, MOTION_S, is_motion=True),
     "linear_move": Request(_linear_move, MOTION_S, is_motion=True), "fk": Request(_fk, needs_control=False),
     "ik": Request(_ik, needs_control=False), "program_load": Request(_program_load),
+    "zones": Request(_zones, needs_control=False),
     "program_play": Request(_trigger("program/play")), "program_pause": Request(_trigger("program/pause")),
     "program_resume": Request(_trigger("program/resume")), "program_stop": Request(_trigger("program/stop"))}
 """Requests by the name that pages use."""

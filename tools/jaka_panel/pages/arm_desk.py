@@ -111,7 +111,8 @@ class ArmDesk:
                     "recover": driver.offers("recover"), "wrench": driver.publishes("wrench"),
                     "trajectory": driver.action is not None, "zero_force": driver.offers("zero_ftsensor")},
             "simulator": self.has_simulator and self.feed.simulated is True, "jog": driver.jog_limits,
-            "description": None if about is None else about.fingerprint}
+            "description": None if about is None else about.fingerprint,
+            "zones": self.feed.zones if driver.offers("set_workspace") else None}
 
     def next_state(self, now: float, is_begin: bool = False) -> Optional[Dict[str, Any]]:
         """Return the message ``state`` if there is anything new in it; ``is_begin``: in any case."""

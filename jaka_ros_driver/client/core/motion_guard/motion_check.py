@@ -8,6 +8,7 @@ from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace, joint_reaches
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
@@ -60,6 +61,15 @@ class MotionCheck:
         self._reaches = joint_reaches(model, settings.workspace)
         self._has_told_frames = False
         self.tools: Optional[Sequence[Transform]] = None
+
+    @property
+    def workspace(self) -> Workspace:
+        """The zones and the tool that are kept now; another one is another object."""
+        return self._guard.workspace
+
+    def keep(self, guard: MotionGuard) -> None:
+        """Keep what this guard keeps, from the next motion on; call it while nothing moves the arm."""
+        self._guard, self._reaches = guard, joint_reaches(self._model, guard.workspace)
 
     @property
     def is_on(self) -> bool:

@@ -7,4 +7,5 @@ recovery    all steps to an arm that can move, as one act
 pausing     pause and resume, and the speed override
 programs    load, pause and stop programs of the controller's own
 settings    settings that are read back
+zones       the zones that the motion guard keeps
 """

@@ -20,7 +20,14 @@ from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.stops import CarryOut, Stops
 from jaka_ros_driver.client.core.streaming import OnMode, commanded_joints
-from jaka_ros_driver.client.core.trajectory import Goal, Trajectory, TrajectoryStart, require_start, start_at_rest
+from jaka_ros_driver.client.core.trajectory import (
+    Goal,
+    StartChanged,
+    Trajectory,
+    TrajectoryStart,
+    require_start,
+    start_at_rest,
+)
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -327,11 +334,14 @@ class StartRequest(_TrajectoryRequest):
             running.cancel(None)
         if running is None or not running.can_be_joined:
             return False
-        self._arm.actions.answer(self.call, running.start_after(self._lead))
+        self._answer(running.start_after(self._lead))
         return True
 
     def begin(self, now: float) -> None:
-        self._arm.actions.answer(self.call, start_at_rest(self._state(now)))
+        self._answer(start_at_rest(self._state(now)))
+
+    def _answer(self, start: TrajectoryStart) -> None:
+        self._arm.actions.answer(self.call, start._replace(workspace=self._arm.custody.motion_check.workspace))
 
 
 class FollowRequest(_TrajectoryRequest):
@@ -352,6 +362,8 @@ class FollowRequest(_TrajectoryRequest):
     def begin(self, now: float) -> None:
         state, custody = self._state(now), self._arm.custody
         require_start(self._path, state)
+        if self._start.workspace is not custody.motion_check.workspace:
+            raise StartChanged("the zones have changed since the trajectory was looked at; send it again")
         custody.begin(Trajectory(custody, self._arm.model, self._goal, self._path, state, self._arm.on_servo_mode), now)
 
 

@@ -373,3 +373,27 @@ class SetUserFrameResponse(genpy.Message):
         ret: int = ...,
         message: str = ...,
     ) -> None: ...
+
+class SetWorkspace:
+    _type: ClassVar[str]
+    _md5sum: ClassVar[str]
+    _request_class: ClassVar[type[SetWorkspaceRequest]]
+    _response_class: ClassVar[type[SetWorkspaceResponse]]
+
+class SetWorkspaceRequest(genpy.Message):
+    yaml: str
+    def __init__(
+        self,
+        yaml: str = ...,
+    ) -> None: ...
+
+class SetWorkspaceResponse(genpy.Message):
+    ret: int
+    message: str
+    yaml: str
+    def __init__(
+        self,
+        ret: int = ...,
+        message: str = ...,
+        yaml: str = ...,
+    ) -> None: ...

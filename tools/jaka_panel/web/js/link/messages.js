@@ -26,6 +26,7 @@
  * @property {boolean} simulator
  * @property {{joint: number, linear: number, angular: number}} jog rad/s, m/s, rad/s at the full jog speed.
  * @property {string|null} description Changes when the robot description does.
+ * @property {number|null} [zones] Changes when the zones of the motion guard do; null where they cannot be asked for.
  */
 
 /**

@@ -4,6 +4,7 @@ import { h, replaceText, setText } from '../ui/dom.js';
 import { loadArm } from './arm_model.js';
 import { PathLine, Trace } from './lines.js';
 import { View } from './scene.js';
+import { Zones } from './zones.js';
 
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('./arm_model.js').ArmModel} ArmModel */
@@ -44,7 +45,8 @@ export function mountArmView(root, app) {
   const path = new PathLine(PATH);
   const tool = new THREE.AxesHelper(0.12);
   const base = new THREE.AxesHelper(0.25);
-  view.scene.add(trace.line, path.line, tool, base);
+  const zones = new Zones();
+  view.scene.add(trace.line, path.line, tool, base, zones.group);
   /** @type {ArmModel|null} */
   let arm = null;
   /** @type {ArmModel|null} */
@@ -54,6 +56,7 @@ export function mountArmView(root, app) {
   /** Of the tool in the flange's frame, m. */
   const shift = new THREE.Vector3();
   let shown = '';
+  let shownZones = '';
   let hasTrace = true;
 
   const buttons = ['home', 'front', 'side', 'top'].map((name) => h('button', { type: 'button', class: 'plain',
@@ -97,6 +100,20 @@ export function mountArmView(root, app) {
       note.hidden = false;
       if (shown === wanted) shown = '';
     }
+    view.invalidate();
+  }
+
+  async function loadZones() {
+    const info = app.store.arm();
+    const wanted = info?.zones ? `${info.id} ${info.zones}` : '';
+    if (wanted === shownZones) return;
+    shownZones = wanted;
+    zones.show(null);
+    view.invalidate();
+    const answer = wanted ? await app.ask('zones', {}) : null;
+    if (shownZones !== wanted) return;
+    if (answer?.ok) zones.show(answer.data ?? null);
+    else shownZones = '';
     view.invalidate();
   }
 
@@ -146,7 +163,10 @@ export function mountArmView(root, app) {
     if (hasTrace) trace.add(tool.position);
     view.invalidate();
   });
-  app.store.on('arms welcome chosen', () => void load());
+  app.store.on('arms welcome chosen', () => {
+    void load();
+    void loadZones();
+  });
   app.store.on('chosen', () => {
     if (arm) arm.robot.visible = false;
     replaceText(note, '');
