@@ -129,7 +129,7 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
                            "jaka_panel.plans.plan_store", "jaka_regression.programs"}
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
-    "client.transport", "ros.connections", "ros.direct_publisher", "ros.driver_lock", "ros.start_checks",
+    "client.transport", "ros.connections", "ros.driver_lock", "ros.start_checks",
     "simulation.server.event_loop", "wire")) + (
         "jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.program", "jaka_regression.driver_client",

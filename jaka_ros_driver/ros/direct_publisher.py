@@ -6,7 +6,6 @@ in time is sent by a thread, which ends when that listener has caught up.
 """
 import functools
 import select
-import socket
 import threading
 from collections import deque
 from typing import Any, Deque, Type, TypeVar
@@ -58,6 +57,9 @@ class DirectConnection:
             queue_size: Most messages that wait; then the oldest is dropped.
         """
         self._transport = transport
+        if transport.socket is not None:
+            # A socket with a time limit waits in spite of MSG_DONTWAIT, and rospy sets one for all of its process.
+            transport.socket.setblocking(False)
         self._lock = threading.Lock()
         self._unsent = b""
         """The rest of the message that is being sent; the listener needs it before any other."""
@@ -89,7 +91,7 @@ class DirectConnection:
         if sock is None:
             raise TransportTerminated("connection closed")
         try:
-            sent = sock.send(data, socket.MSG_DONTWAIT)
+            sent = sock.send(data)
         except BlockingIOError:
             sent = 0
         except OSError as error:

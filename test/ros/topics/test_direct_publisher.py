@@ -49,6 +49,8 @@ def messages_in(data):
 def link():
     """Yield a connection and its listener's socket, between which little fits."""
     ours, theirs = socket.socketpair()
+    ours.settimeout(60.0)  # as sockets of a process have them in which rospy has connected to a publisher
+    theirs.settimeout(None)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SMALL_BUFFER)
     yield DirectConnection(Transport(ours), QUEUE), theirs
     ours.close()
