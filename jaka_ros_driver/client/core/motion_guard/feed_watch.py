@@ -3,7 +3,7 @@ from collections import deque
 from typing import Deque, Tuple
 
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
 from jaka_ros_driver.state import RobotState, Vector
 
 _OVER_S = 0.03
@@ -30,6 +30,8 @@ class FeedWatch:
         since, before = self._seen[0]
         if at <= since:
             return ""
-        speeds = [(new - old) / (at - since) for new, old in zip(joints, before)]
+        # No joint is faster; a feed whose joints jump would have the way of seconds looked at, which takes seconds.
+        speeds = [min(max((new - old) / (at - since), -JOINT_SPEED_CEILING), JOINT_SPEED_CEILING)
+                  for new, old in zip(joints, before)]
         ahead = _REACTION_S + 0.5 * max(map(abs, speeds)) / _BRAKE
         return self._look((joints, tuple([q + ahead * speed for q, speed in zip(joints, speeds)])))
