@@ -1,4 +1,4 @@
-"""How far ahead the motion guard looks at a motion that the controller plans."""
+"""The way ahead that the motion guard looks at while the controller moves the arm."""
 import pytest
 
 from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
