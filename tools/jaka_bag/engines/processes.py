@@ -1,8 +1,9 @@
 """Tasks in processes of this computer, by the standard library alone."""
+import contextlib
 import multiprocessing
 import os
 import signal
-from typing import Any, Iterable, Optional
+from typing import Any, Iterable, Iterator, Optional
 
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
@@ -36,6 +37,16 @@ class _Worker:
             cls.is_at_work = False
 
 
+@contextlib.contextmanager
+def _no_interruption() -> Iterator[None]:
+    """Hold Ctrl-C back: one that came while a worker is started left a worker that nobody knows of, and that stays."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Processes(Engine):
     """An engine in several processes of this computer."""
 
@@ -48,7 +59,8 @@ class Processes(Engine):
 
         with ProcessPoolExecutor(self._count, initializer=_Worker.prepare) as pool:
             try:
-                futures = {pool.submit(_Worker.work, function, task): task for task in tasks}
+                with _no_interruption():
+                    futures = {pool.submit(_Worker.work, function, task): task for task in tasks}
                 for future in as_completed(futures):
                     task = futures[future]
                     try:
