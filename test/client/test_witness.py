@@ -78,29 +78,6 @@ def test_a_motion_that_answers_and_feed_both_show_is_told_once(one):
         assert not one.witness.take_motion_seen()
 
 
-@pytest.mark.parametrize("place, later, is_found_old", [
-    (0.03, 0.0, True), (-0.03, 0.0, True), (-0.03, 0.1, True),
-    (0.019, 0.0, False), (-0.019, 0.0, False), (0.03, 0.1, False)])
-def test_a_place_that_the_feed_never_showed_is_not_passed_by_by_a_later_one(one, place, later, is_found_old):
-    # 0.019 rad: the arm may have turned back between two frames; 0.03 rad is on the way to 0.1 rad
-    one.ask()
-    one.answer(Query.JOINTS, joints(0.0))
-    one.frame(0.0)
-    for told in (place, later):
-        one.ask()
-        one.answer(Query.JOINTS, joints(told))
-    assert any(one.frame(joint) for joint in (0.0, later, later, later, later)) is is_found_old
-
-
-def test_a_place_on_the_way_between_two_frames_was_shown_where_a_later_one_is_on_it_too(one):
-    one.ask()
-    one.answer(Query.JOINTS, joints(0.0))
-    for place in (0.1, 0.2):
-        one.ask()
-        one.answer(Query.JOINTS, joints(place))
-    assert not any(one.frame(joint) for joint in (0.3, 0.6, 0.6, 0.6, 0.6, 0.6))
-
-
 @pytest.mark.parametrize("query", [Query.JOINTS, Query.DRIVES_READY])
 def test_a_question_whose_answer_cannot_be_read_three_times_in_a_row_is_not_put_any_more(one, query):
     results = {Query.JOINTS: joints(0.0), Query.DRIVES_READY: True}

@@ -5,9 +5,8 @@ distinguish from the rhythm of a slow controller. Content does: the controller's
 feed soon afterwards. A feed that does not show it in time is older than that time, however regularly its frames come.
 """
 import logging
-import math
 from collections import deque
-from typing import Any, Deque, List, NamedTuple, Optional, Tuple
+from typing import Any, Deque, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -23,8 +22,6 @@ One may be measured, the other commanded.
 """
 _TURN = 0.015
 """Largest excess, rad, of a joint that turns back between two frames over what they show: 12.6 rad/s2 at 10 Hz."""
-_FASTEST_TURN = 0.125 * 4.0 * math.pi
-"""Way, rad, of a joint that turns back within one second at 12.6 rad/s2; it grows with the square of the time."""
 _LEAST_AGE_S = 0.25
 _AGE_SHARE = 1.0 / 3.0
 """Age at which the feed is given up, as a share of the silence timeout.
@@ -104,7 +101,6 @@ class Witness:
         self._misread = dict.fromkeys((Query.JOINTS, Query.DRIVES_READY), 0)
         self._tries = _TRIES
         self._newest: Optional[RobotState] = None
-        self._period = 0.0
         self._knows_drives = False
         self._rests_since: Optional[_Answer] = None
         self._answered_at = 0.0
@@ -176,7 +172,7 @@ class Witness:
 
         period: The usual one, s.
         """
-        self._newest, now, self._period = state, state.received_at, period
+        self._newest, now = state, state.received_at
         if now < self._counts_from:
             return ""
         before = self._frames[-1] if self._frames else state
@@ -189,11 +185,10 @@ class Witness:
         at = self._open[0].at if is_late else now
         for number, answer in reversed(list(enumerate(self._open))):
             if _passes(before.joint_position, state.joint_position, answer.joints):
-                unseen = [earlier for earlier in self._open[:number] if not self._may_have_shown(earlier)]
                 if now - answer.at <= longest:
-                    is_late = is_late and bool(unseen)
+                    is_late = False
                     self._confirmed(answer.asked_at, now)
-                self._open = unseen + self._open[number + 1:]
+                del self._open[:number + 1]  # those before it have been passed by
                 break
         if is_late and (is_new or self.dispute):
             self._open = [answer for answer in self._open if answer.at > at]
@@ -207,26 +202,6 @@ class Witness:
             return ("its frames are more than %.2f s old: they show drives on that the controller says are off"
                     % _DRIVES_S)
         return ""
-
-    def _may_have_shown(self, answer: _Answer) -> bool:
-        """Return whether the frames since a question may have passed its answer by, which they did not show.
-
-        They may where the arm turned back between two of them, or where some have not come. An arm that went there and
-        back between two answers, and a feed that has not shown it, are else no sign of a feed that is new.
-        """
-        pairs = self._pairs_since(answer.asked_at)
-        gap = max([self._period] + [after.received_at - before.received_at for before, after in pairs])
-        turn = min(_TURN, _FASTEST_TURN * gap * gap)
-        return gap > _LATE_S or any(_passes(before.joint_position, after.joint_position, answer.joints)
-                                    or _is_near(after.joint_position, answer.joints, NEAR + turn)
-                                    for before, after in pairs)
-
-    def _pairs_since(self, asked_at: float) -> List[Tuple[RobotState, RobotState]]:
-        """Return the neighbouring frames from the last one before a question on."""
-        frames = list(self._frames)
-        while len(frames) > 1 and frames[1].received_at <= asked_at:
-            del frames[0]
-        return list(zip(frames, frames[1:] or frames))
 
     def take_motion_seen(self) -> bool:
         """Return, once, whether an answer was found in time in a feed that showed motion: that one was not old."""
@@ -254,10 +229,13 @@ class Witness:
         self._is_telling = len(self._answers) == _KEPT_ANSWERS and not any(
             _is_near(earlier, joints, 4.0 * NEAR) for earlier in self._answers)
         self._answers.append(joints)
-        if any(_passes(before.joint_position, after.joint_position, joints)
-               for before, after in self._pairs_since(asked_at)):
+        frames = list(self._frames)
+        while len(frames) > 1 and frames[1].received_at <= asked_at:
+            del frames[0]
+        pairs = zip(frames, frames[1:] or frames)
+        if any(_passes(before.joint_position, after.joint_position, joints) for before, after in pairs):
             self._confirmed(asked_at, now)
-            self._open = [earlier for earlier in self._open if not self._may_have_shown(earlier)]
+            self._open = []
         else:
             self._open.append(_Answer(joints, now, asked_at))
 
