@@ -26,11 +26,6 @@ def point_in_base(frame: Transform, point: Vector3) -> Vector3:
             frame[6] * x + frame[7] * y + frame[8] * z + frame[11])
 
 
-def point_distance(p: Vector3, q: Vector3) -> float:
-    """Return the distance of two points, m."""
-    return math.sqrt((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2)
-
-
 def segment_distance(p1: Vector3, q1: Vector3, p2: Vector3, q2: Vector3) -> float:
     """Return the distance, m, between the segments p1 q1 and p2 q2; either may be a point."""
     ux, uy, uz = q1[0] - p1[0], q1[1] - p1[1], q1[2] - p1[2]

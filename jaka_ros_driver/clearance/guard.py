@@ -13,7 +13,6 @@ from jaka_ros_driver import units
 from jaka_ros_driver.clearance.distances import (
     SignedDistance,
     lowest_on_segment,
-    point_distance,
     point_in_base,
     segment_distance,
 )
@@ -80,6 +79,10 @@ class _Check(NamedTuple):
 class MotionGuard:
     """The judge of joint positions and paths of one arm in one workspace.
 
+    Attributes:
+        workspace: The zones, and the tool.
+        reach: The most, m, by which 1 rad of each joint changes the distance of any pair, shape (6,).
+
     Every method raises InvalidCommand for joint angles that are not finite.
     """
 
@@ -94,6 +97,7 @@ class MotionGuard:
             if capsule.frame >= _FIRST_ZONED_FRAME:
                 self._checks += _zone_checks(model, workspace, n, capsule)
         self._reach = np.array([check.reach for check in self._checks]).T
+        self.reach: Vector = tuple(self._reach.max(axis=1).tolist())
 
     def nearest(self, joints: Vector) -> Nearest:
         """Return the pair that is nearest at these joint angles, rad, shape (6,)."""
@@ -188,8 +192,8 @@ class MotionGuard:
 
 def _self_check(model: ArmModel, capsules: Sequence[Capsule], n: int, m: int) -> _Check:
     radii = capsules[n].radius + capsules[m].radius
-    around = 0.5 * (point_distance(capsules[n].start, capsules[n].end)
-                    + point_distance(capsules[m].start, capsules[m].end)) + radii
+    around = 0.5 * (math.dist(capsules[n].start, capsules[n].end)
+                    + math.dist(capsules[m].start, capsules[m].end)) + radii
 
     def gap(ends: _Ends, enough: float) -> float:
         (px, py, pz), (qx, qy, qz) = p1, q1 = ends[n]
@@ -203,7 +207,7 @@ def _self_check(model: ArmModel, capsules: Sequence[Capsule], n: int, m: int) ->
 
 
 def _zone_checks(model: ArmModel, workspace: Workspace, n: int, capsule: Capsule) -> List[_Check]:
-    radius, half = capsule.radius, 0.5 * point_distance(capsule.start, capsule.end)
+    radius, half = capsule.radius, 0.5 * math.dist(capsule.start, capsule.end)
 
     def outside(signed: SignedDistance) -> _Gap:
         def gap(ends: _Ends, enough: float) -> float:

@@ -7,20 +7,19 @@ Marks: at most 0.15 ms a joint position, at most 150 ms a plan.
 import math
 import random
 import sys
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 import dh_oracle  # noqa: E402
+from figures import best_s  # noqa: E402
 
 from jaka_ros_driver.clearance.guard import MotionGuard  # noqa: E402
 from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names  # noqa: E402
 
 POSES = 2000
-ROUNDS = 5
 PLAN_POINTS = 2000
 CELL = workspace_of({
     "keep_out": [{"name": "press", "centre": [0.7, 0.3, 0.2], "size": [0.4, 0.4, 0.6]},
@@ -30,17 +29,6 @@ CELL = workspace_of({
     "floor": -0.1,
     "tool": [{"name": "gripper", "start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.15], "radius": 0.04}]})
 """A cell with two boxes, a wall around it, a post, a floor and a gripper."""
-
-
-def best_s(function, arguments):
-    """Return the best round's mean cost of one call, s."""
-    best = float("inf")
-    for _ in range(ROUNDS):
-        started = time.perf_counter()
-        for argument in arguments:
-            function(*argument)
-        best = min(best, time.perf_counter() - started)
-    return best / len(arguments)
 
 
 def plan_from(guard, model, rng, reach):

@@ -16,24 +16,18 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 import dh_oracle  # noqa: E402
+from figures import best_s  # noqa: E402
 
 from jaka_ros_driver.commands import JointMove  # noqa: E402
 from jaka_ros_driver.kinematics import arm_models, inverse, limits, urdf  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward, jacobian, singularity_measures  # noqa: E402
 
 POSES = 2000
-ROUNDS = 5
 
 
 def microseconds(function, arguments):
     """Return the best round's mean cost of one call, us."""
-    best = float("inf")
-    for _ in range(ROUNDS):
-        started = time.perf_counter()
-        for argument in arguments:
-            function(*argument)
-        best = min(best, time.perf_counter() - started)
-    return best / len(arguments) * 1e6
+    return 1e6 * best_s(function, arguments)
 
 
 def print_model(name):

@@ -48,7 +48,7 @@ class Arrival(NamedTuple):
 class _Message(NamedTuple):
     at: float
     data: Optional[bytes]  # None: the end of the stream
-    marks: Tuple[Tuple[int, Any], ...]  # each with the bytes that a reader needs: no end of line
+    marks: Tuple[Tuple[int, Any], ...]  # each with the number of bytes that end what it marks
 
 
 class Pipe:
@@ -86,7 +86,7 @@ class Pipe:
         if self._queue and at < self._queue[-1].at:
             at = self._queue[-1].at
         self.unsent_bytes += len(data or b"")
-        self._queue.append(_Message(at, data, () if mark is None else ((len((data or b"").rstrip()), mark),)))
+        self._queue.append(_Message(at, data, () if mark is None else ((len(data or b""), mark),)))
         self._wait()
 
     def wake(self) -> None:

@@ -1,5 +1,6 @@
 """Figures of measurements: percentiles, and the host's load with the share that a virtual machine's host takes away."""
 import os
+import time
 from pathlib import Path
 
 
@@ -23,6 +24,17 @@ class HostLoad:
     def __str__(self):
         return "load average %s, %.1f %% of the processors' time stolen by the host" % (
             " ".join("%.2f" % load for load in os.getloadavg()), self.stolen_percent())
+
+
+def best_s(function, arguments, rounds=5):
+    """Return the best round's mean cost of one call, s."""
+    best = float("inf")
+    for _ in range(rounds):
+        started = time.perf_counter()
+        for argument in arguments:
+            function(*argument)
+        best = min(best, time.perf_counter() - started)
+    return best / len(arguments)
 
 
 def percentile(values, share):

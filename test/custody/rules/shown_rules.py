@@ -1,5 +1,4 @@
 """The rules for what is shown as new: that the arm was there a moment ago."""
-import json
 from collections import deque
 from typing import Deque, Tuple
 
@@ -11,7 +10,6 @@ from wire import Network
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.state import RobotState, Vector
-from jaka_ros_driver.units import deg_to_rad
 
 _SAME_JOINT = 1e-6
 _HISTORY_S = 8.0
@@ -19,9 +17,6 @@ _CYCLE = 0.008
 _ASKS = "get_joint_pos"
 _UNANSWERED_S = 0.3
 """Time, s, that an answer may take without which nothing shows how old a slow feed is (docs/safety.md)."""
-_CONTRADICTED_S = 0.6
-"""Time, s, within which an old feed is given up that begins to show a motion there and back between two answers, which
-shows in neither (docs/safety.md)."""
 
 
 class ShownRules:
@@ -38,8 +33,6 @@ class ShownRules:
         self._longest = settings.silence_timeout + AGE_SLACK + self._wire_age
         self._joints: Deque[Tuple[float, Vector]] = deque()
         self._questions: Deque[float] = deque()
-        self._answers: Deque[Tuple[float, Vector]] = deque(maxlen=20)
-        self._good_at = 0.0
         self._answered_late_at = 0.0
         self.mute_until = 0.0
 
@@ -55,10 +48,8 @@ class ShownRules:
 
     def reads_reply(self, reply: Reply, now: float) -> None:
         """Note a reply."""
-        if reply.command != _ASKS or not reply.is_accepted:
-            return
-        self._answers.append((now, tuple(map(deg_to_rad, json.loads(reply.text)["joint_pos"]))))
-        if self._questions and now - self._questions.popleft() > _UNANSWERED_S:
+        is_answer = reply.command == _ASKS and reply.is_accepted and bool(self._questions)
+        if is_answer and now - self._questions.popleft() > _UNANSWERED_S:
             self._answered_late_at = now
 
     def was_at(self, joints: Vector, now: float) -> None:
@@ -78,15 +69,11 @@ class ShownRules:
                 break
             if _distance(joints, state.joint_position) <= _SAME_JOINT:
                 self._verdicts.uses("SHOWN_AGE", now - until - self._wire_age)
-                self._good_at = now
                 return
             until = since
         is_slow = self._network.is_slow(Port.STATUS, False)
         if is_slow and (self._is_unanswered(now) or not self._is_older(state.joint_position, now)):
-            self._good_at = now
             return  # without the controller's answers, nothing shows how old a slow feed is
-        if is_slow and self._answers_rest(now) and now - self._good_at <= _CONTRADICTED_S:
-            return
         check = "age" if is_slow else "g"
         self._verdicts.breaks(check, check, now, "a state is shown as new that the arm was not in within the last %.3f "
                               "s; %s" % (age, self._age_of(state.joint_position, now)))
@@ -95,11 +82,6 @@ class ShownRules:
         """Return whether the controller's answers do not come, or came late a moment ago."""
         return (now < self.mute_until or now < self._answered_late_at + self._longest
                 or bool(self._questions) and now - self._questions[0] > _UNANSWERED_S)
-
-    def _answers_rest(self, now: float) -> bool:
-        """Return whether the answers of the time for which a feed may be old all show the arm at one place."""
-        answers = [told for at, told in self._answers if at >= now - self._longest]
-        return all(_distance(told, answers[0]) <= UNTELLING for told in answers)
 
     def _is_older(self, joints: Vector, now: float) -> bool:
         """Return whether joints are older than a link slower than the feed allows.

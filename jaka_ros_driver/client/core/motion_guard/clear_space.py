@@ -1,29 +1,19 @@
 """The space around the last look at an arm: motions within it need no look of their own."""
-import math
-from typing import List, Sequence, Tuple
+from typing import Sequence
 
 from jaka_ros_driver.clearance.guard import MotionGuard
-from jaka_ros_driver.clearance.shape import arm_shape
-from jaka_ros_driver.clearance.workspace import Workspace
-from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.state import Vector
 
 
 class ClearSpace:
     """The joints around a place that are known to be clear: nothing of the arm moves farther than is clear there.
 
-    A joint that turns by 1 rad moves no point of the arm farther than ``joint_reaches`` says.
+    A joint that turns by 1 rad brings nothing nearer to each other by more than ``MotionGuard.reach`` says.
     """
 
-    def __init__(self, guard: MotionGuard, reaches: Vector, margin: float) -> None:
-        """Set up without a place.
-
-        Args:
-            guard: Looks.
-            reaches: Of each joint, m/rad (6,).
-            margin: Distance that is kept, m.
-        """
-        self._guard, self._reaches, self._margin = guard, reaches, margin
+    def __init__(self, guard: MotionGuard, margin: float) -> None:
+        """Set up without a place; ``guard`` looks, and ``margin`` is the distance that is kept, m."""
+        self._guard, self._margin = guard, margin
         self._place: Vector = ()
         self._room = 0.0
 
@@ -46,16 +36,6 @@ class ClearSpace:
 
     def _is_near(self, joints: Vector) -> bool:
         moved = 0.0
-        for reach, here, there in zip(self._reaches, self._place, joints):
+        for reach, here, there in zip(self._guard.reach, self._place, joints):
             moved += reach * abs(there - here)
         return moved < self._room
-
-
-def joint_reaches(model: ArmModel, workspace: Workspace) -> Vector:
-    """Return how far each joint moves any point of arm, tool and payload at most, m/rad (6,)."""
-    links = [math.hypot(row.a, row.d) for row in model.dh]
-    ends: List[Tuple[int, float]] = [
-        (capsule.frame, max(math.hypot(*capsule.start), math.hypot(*capsule.end)) + capsule.radius)
-        for capsule in arm_shape(model, workspace.tool).capsules]
-    return tuple([max([sum(links[joint:frame]) + beyond for frame, beyond in ends if frame > joint], default=0.0)
-                  for joint in range(JOINT_COUNT)])

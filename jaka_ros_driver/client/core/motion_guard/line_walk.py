@@ -4,19 +4,18 @@ The joints follow the tool continuously, or the walk ends with the reason: out o
 (shoulder, elbow or wrist would flip), or a singularity, where joints cannot keep a tenth of the tool's speed.
 """
 import math
-from typing import Callable, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Callable, List, NamedTuple, Optional, Sequence, Union
 
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.commands import ArcMove, LinearMove
 from jaka_ros_driver.errors import UnreachablePose
 from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, ArmModel
-from jaka_ros_driver.kinematics.forward import link_transforms
+from jaka_ros_driver.kinematics.forward import link_transforms, signed_measures
 from jaka_ros_driver.kinematics.inverse import inverse, inverse_all
 from jaka_ros_driver.kinematics.limits import top_joint_speeds
 from jaka_ros_driver.kinematics.rotations import (
     Transform,
     compose,
-    invert,
     matrix_from_rotation_vector,
     transform,
     transform_from_pose,
@@ -97,7 +96,7 @@ class LineWalk:
     def _step(self, to: float) -> bool:
         """Walk on to this share of the way, in smaller steps where joints move far; return False at the early end."""
         before, since = self.joints[-1], self.shares[-1]
-        pose = self._flange(to)
+        pose = self._frames.flange_of(self._tool(to))
         after: Optional[Vector] = None
         try:
             after, reason = inverse(self._model, pose, before), ""
@@ -118,9 +117,6 @@ class LineWalk:
         self.shares.append(to)
         return True
 
-    def _flange(self, share: float) -> Transform:
-        return compose(compose(self._frames.base_t_user, self._tool(share)), invert(self._frames.flange_t_tool))
-
     def _obstacle(self, pose: Transform, before: Vector, after: Optional[Vector], reason: str) -> str:
         """Return why no joints near those before reach the next place."""
         for branch in inverse_all(self._model, pose, before):
@@ -131,13 +127,20 @@ class LineWalk:
                         return "joint %d would pass its limit; valid: %.6g to %.6g rad" % (joint, low, high)
         if after is None:
             return reason
-        flips = [name for name, a, b in zip(("shoulder", "elbow", "wrist"), _sides(self._model, before),
-                                            _sides(self._model, after)) if a * b < 0.0]
+        flips = self._flips(before, after)
         if flips:
             return "another branch: the %s would have to flip" % " and the ".join(flips)
         joint = max(range(len(before)), key=lambda number: abs(after[number] - before[number]))
         return "singular: joint %d would have to turn by %.3g rad at once" % (
             joint + 1, abs(after[joint] - before[joint]))
+
+    def _flips(self, before: Vector, after: Vector) -> List[str]:
+        """Return which of shoulder, elbow and wrist would change sides; none where one measure is all."""
+        if self._model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
+            return []
+        was, becomes = (signed_measures(self._model, joints, link_transforms(self._model, joints))
+                        for joints in (before, after))
+        return [name for name in ("shoulder", "elbow", "wrist") if getattr(was, name) * getattr(becomes, name) < 0.0]
 
 
 def walk(model: ArmModel, frames: ToolFrames, start: Vector, command: Union[LinearMove, ArcMove]) -> LineWalk:
@@ -168,14 +171,3 @@ def walk(model: ArmModel, frames: ToolFrames, start: Vector, command: Union[Line
 
 def _largest_step(a: Vector, b: Sequence[float]) -> float:
     return max([abs(p - q) for p, q in zip(a, b)])
-
-
-def _sides(model: ArmModel, joints: Vector) -> Tuple[float, float, float]:
-    """Return on which side of its singularity shoulder, elbow and wrist are: the sign counts; 0 where none is known."""
-    if model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
-        return 0.0, 0.0, 0.0
-    frames, rows = link_transforms(model, joints), model.dh
-    fold = joints[2] + rows[2].theta_offset
-    return (frames[5][9] * frames[1][0] + frames[5][10] * frames[1][3],
-            math.cos(fold) if model.family == SPHERICAL_WRIST else math.sin(fold),
-            math.sin(joints[4] + rows[4].theta_offset))

@@ -10,7 +10,7 @@ import numpy as np
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
 from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace, joint_reaches
+from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
 from jaka_ros_driver.client.core.motion_guard.line_walk import walk
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
@@ -58,7 +58,6 @@ class MotionCheck:
     def __init__(self, model: ArmModel, settings: ClientSettings, actions: Actions) -> None:
         self._model, self._actions, self._mode = model, actions, settings.guard_motion
         self._guard = MotionGuard(model, settings.workspace)
-        self._reaches = joint_reaches(model, settings.workspace)
         self._has_told_frames = False
         self.tools: Optional[Sequence[Transform]] = None
 
@@ -69,7 +68,7 @@ class MotionCheck:
 
     def keep(self, guard: MotionGuard) -> None:
         """Keep what this guard keeps, from the next motion on; call it while nothing moves the arm."""
-        self._guard, self._reaches = guard, joint_reaches(self._model, guard.workspace)
+        self._guard = guard
 
     @property
     def is_on(self) -> bool:
@@ -83,7 +82,7 @@ class MotionCheck:
 
     def look(self) -> Look:
         """Return the look at one motion while it lasts. Where trouble is only to be logged, it is logged once."""
-        space, act = ClearSpace(self._guard, self._reaches, DEFAULT_MARGIN), self._actor()
+        space, act = ClearSpace(self._guard, DEFAULT_MARGIN), self._actor()
         return lambda way: act(lambda: space.trouble(way))
 
     def place_of(self, state: RobotState) -> StartPlace:

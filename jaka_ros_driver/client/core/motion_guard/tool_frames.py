@@ -40,7 +40,11 @@ class ToolFrames(NamedTuple):
 
     def flange_at(self, pose: Pose) -> Transform:
         """Return ``base_t_flange`` where the tool is at this pose in the user frame."""
-        return compose(compose(self.base_t_user, transform_from_pose(pose)), invert(self.flange_t_tool))
+        return self.flange_of(transform_from_pose(pose))
+
+    def flange_of(self, user_t_tool: Transform) -> Transform:
+        """Return ``base_t_flange`` where the tool is there in the user frame."""
+        return compose(compose(self.base_t_user, user_t_tool), invert(self.flange_t_tool))
 
     def tool_at(self, model: ArmModel, joints: Vector) -> Transform:
         """Return ``user_t_tool`` at these joints, rad (6,)."""
