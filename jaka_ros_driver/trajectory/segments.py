@@ -28,6 +28,9 @@ _FAR_ASIDE = 0.02
 
 An arm that passes by farther away is moved by something else.
 """
+_AT_CORNER = 0.002
+"""Largest distance, m, beside its blend radius, of an arm that has been at a corner."""
+_BEFORE_CORNER_S = 1e-6
 _ROUNDS = 5
 _BEHIND_CORNER = 1e-3
 """Advantage, m, by which an arm must be nearer to the next segment to be behind a corner: two segments may lie close.
@@ -91,6 +94,13 @@ class Segment:
             self.length = self._circle.radius * self._circle.sweep
         self.duration = max(self.length / command.speed, self._turn / turn_speed)
         self.is_nowhere = self.length < _NOWHERE and self._turn < _NOWHERE
+
+    @property
+    def rate(self) -> float:
+        """The change of ``distance`` with time at the programmed speed, m/s."""
+        if isinstance(self.command, JointMove):
+            return _JOINT_LEVER * self.command.speed
+        return 0.0 if self.duration <= 0.0 else (self.length + _TURN_LEVER * self._turn) / self.duration
 
     @property
     def kind(self) -> str:
@@ -191,6 +201,9 @@ class SegmentPath:
 class PathTracker:
     """The arm's progress on a path: the nearest place that it can have reached since the last frame.
 
+    It goes beyond a corner only when the arm has been there, within 2 mm and its blend radius: a controller that drops
+    a segment from its queue goes on to the next one's end by another way, which may lie close.
+
     Attributes:
         time: The place, as a time of the path, s; it does not fall.
     """
@@ -199,6 +212,8 @@ class PathTracker:
         self._path = path
         self._seen_at = now
         self._rounded = max([segment.command.tolerance for segment in path.segments])
+        self._reached = 0
+        self._last_at = now
         self.time = 0.0
 
     def observe(self, state: RobotState) -> None:
@@ -207,15 +222,35 @@ class PathTracker:
         low = self.time
         high = min(self._path.duration, low + _FASTEST * elapsed + _SLACK_S)
         turned = None if state.tcp_rpy is None else matrix_from_rpy(state.tcp_rpy)
+        self._look_at_corners(state, turned)
         nearest, best = math.inf, low
         for end in [end for end in self._path.ends if low < end < high] + [high]:
             time, away = self._nearest(low, end, state, turned)
+            is_open = self._path.completed(end) <= self._reached or self._path.completed(end) == len(self._path.ends)
+            if not is_open:
+                time = min(time, self._path.ends[self._reached] - _BEFORE_CORNER_S)
             if away < nearest - _BEHIND_CORNER:
                 nearest, best = away, time
+            if not is_open:
+                break
             low = end
         way = self._path.distance(self.time, state, turned)
         if nearest <= self._rounded + max(_BESIDE, min(_FAR_ASIDE, _ASIDE_SHARE * way)):
             self.time, self._seen_at = best, state.received_at
+
+    def _look_at_corners(self, state: RobotState, turned: Optional[Matrix]) -> None:
+        """Note which of the next corners the arm has reached; from one frame to the next it may have been there and back.
+        """
+        last, self._last_at = self._last_at, state.received_at
+        half_gap = 0.5 * _FASTEST * max(0.0, state.received_at - last)
+        segments = self._path.segments
+        while self._reached < len(segments) - 1:
+            ending, following = segments[self._reached:self._reached + 2]
+            away = self._path.distance_within(self._reached, self._path.ends[self._reached], state, turned)
+            unseen = half_gap * max(ending.rate, following.rate)
+            if away > ending.command.tolerance + _AT_CORNER + unseen:
+                break
+            self._reached += 1
 
     def _nearest(self, low: float, high: float, state: RobotState, turned: Optional[Matrix]) -> Tuple[float, float]:
         """Return the nearest place between these times of one segment, as a time, and its distance, m."""

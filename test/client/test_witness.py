@@ -78,6 +78,20 @@ def test_a_motion_that_answers_and_feed_both_show_is_told_once(one):
         assert not one.witness.take_motion_seen()
 
 
+@pytest.mark.parametrize("place, later, is_found_old", [
+    (0.03, 0.0, True), (-0.03, 0.0, True), (-0.03, 0.004, True),
+    (0.017, 0.0, False), (-0.017, 0.0, False),  # the arm may have gone there and back between two frames
+    (0.03, 0.1, False)])  # a feed that moves passes by many places
+def test_a_place_that_a_standing_feed_never_showed_is_not_passed_by_by_a_later_answer(one, place, later, is_found_old):
+    one.ask()
+    one.answer(Query.JOINTS, joints(0.0))
+    one.frame(0.0)
+    for told in (place, later):
+        one.ask()
+        one.answer(Query.JOINTS, joints(told))
+    assert any(one.frame(joint) for joint in (0.0, later, later, later, later)) is is_found_old
+
+
 @pytest.mark.parametrize("query", [Query.JOINTS, Query.DRIVES_READY])
 def test_a_question_whose_answer_cannot_be_read_three_times_in_a_row_is_not_put_any_more(one, query):
     results = {Query.JOINTS: joints(0.0), Query.DRIVES_READY: True}
@@ -94,13 +108,33 @@ def test_a_question_whose_answer_cannot_be_read_three_times_in_a_row_is_not_put_
 def test_a_question_that_the_controller_refuses_is_not_put_again(one):
     one.ask()
     one.answer(Query.JOINTS, error=CommandRejected("get_joint_pos", 1, "unknown"))
+    one.answer(Query.DRIVES_READY, True)
     assert one.ask() == [Query.DRIVES_READY] and not one.witness.can_tell
+
+
+@pytest.mark.parametrize("answered", [Query.JOINTS, Query.DRIVES_READY])
+def test_a_question_that_waits_for_its_answer_is_not_put_again(one, answered):
+    assert one.ask() == [Query.DRIVES_READY, Query.JOINTS]
+    one.answer(answered, {Query.JOINTS: joints(0.0), Query.DRIVES_READY: True}[answered])
+    assert one.ask() == [answered]
+
+
+@pytest.mark.parametrize("how", ["not asked", "asked", "agreed", "agreed, then a new feed"])
+def test_until_the_feed_has_shown_an_answer_on_this_connection_it_is_in_question(one, how):
+    if how != "not asked":
+        one.ask()
+    if how.startswith("agreed"):
+        one.answer(Query.JOINTS, joints(0.0))
+    if how.endswith("new feed"):
+        one.witness.forget()
+    assert one.witness.is_unanswered is (how != "agreed")
 
 
 @pytest.mark.parametrize("refused, is_trusted", [(Query.JOINTS, False), (Query.DRIVES_READY, True)])
 def test_only_a_refusal_to_tell_the_joints_ends_the_trust_in_the_witness(one, refused, is_trusted):
     one.ask()
     one.answer(Query.JOINTS, joints(0.0))
+    one.answer(Query.DRIVES_READY, True)
     assert one.witness.is_trusted
     one.ask()
     one.answer(refused, error=CommandRejected("a question", 1, "unknown"))

@@ -293,14 +293,18 @@ class ControllerRoom:
             self.on_lost_reply()
             return
         mark = Reply(name, succeeded(reply), request, reply)
+        copies = 1
         if now < faults.noise_until:
-            reply = noise(self._chance, 5) + reply if self._chance.random() < 0.5 else reply + reply
+            if self._chance.random() < 0.5:
+                copies, reply = 2, reply + reply
+            else:
+                reply = noise(self._chance, 5) + reply
         at = now + (faults.reply_delay * self._chance.random() if now < faults.delays_until else 0.0)
         client.last_reply_at = at = max(at, client.last_reply_at)
         if at > now:
-            self.clock.at(at, lambda: client.cable.to_driver.send(reply, mark))
+            self.clock.at(at, lambda: client.cable.to_driver.send(reply, mark, copies))
         else:
-            client.cable.to_driver.send(reply, mark)
+            client.cable.to_driver.send(reply, mark, copies)
 
     def _answer(self, request: Any, who: str) -> RequestResult:
         """Carry a request out, or pretend to, or refuse it."""

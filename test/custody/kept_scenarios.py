@@ -410,6 +410,33 @@ KEPT: Dict[str, Scenario] = {
         length=14.0, settings=dict(_SETTINGS, reply_timeout=0.4, servo_timeout=10.0, link_loss_stop=0.3),
         firmware="1.5.14", start="enabled", latency=(0.0005, 0.005), lateness=0.0002, has_turns=True, has_guard=False,
         ends="close", seed=977730060),
+    "a stopped move was let go by a feed that lagged before its age was first compared": _scenario(
+        (0.0586, "slow_link", {"port": "STATUS", "carries": 0.5, "duration": 5.5135}),
+        (0.1636, "stop_with", {"stop_first": True, "kind": "joint_move", "args": {
+            "delta": (0.0075, 0.0053, -0.0057, 0.0852, -0.0071, -0.0109), "speed": 1.7166, "acceleration": 10.8663,
+            "wait": False}, "caller": 0}),
+        (0.2138, "stop", {"caller": 9}),
+        length=15.0, settings=dict(_SETTINGS, feed_period=0.008, reply_timeout=0.9, motion_timeout=300.0,
+                                   servo_timeout=10.0, link_loss_stop=0.3, power_timeout=3.0, enable_timeout=30.0),
+        firmware="1.5.14", start="enabled", latency=(0.0001, 0.001), lateness=0.0, has_turns=True, ends="close",
+        seed=3002261),
+    "an arm that went there and back was shown late by a feed that stood": _scenario(
+        (6.474, "point_stream", {"rate": 30.0, "ahead": 2.0, "jitter": 1.0, "duration": 2.0, "speed": -0.3377,
+                                 "axis": 3, "turns": False, "chance": 86, "caller": 1}),
+        (6.8977, "slow_link", {"port": "STATUS", "carries": 0.5, "duration": 13.8671}),
+        (7.2287, "trajectory", {"ways": ((0.3955, 0.2759, 0.1935, -0.0899, 0.5868, -0.5952),
+                                         (0.1518, 0.0887, -0.4175, 0.0502, -0.5377, 0.3774)),
+                                "apart": 1.0, "first_at": 1.0, "form": "rest", "delay": 0.0, "build_time": 0.004,
+                                "lead": 0.016, "then": "replace", "then_after": 0.05, "caller": 1}),
+        (7.7034, "stop", {"caller": 0}),
+        (7.7954, "joint_move", {"delta": (0.0, 0.0, 0.0, 0.0, -0.02, 0.0), "speed": 1.449, "acceleration": 9.7961,
+                                "wait": False, "caller": 1}),
+        (7.9968, "joint_move", {"delta": (0.0, 0.0, -1e-05, 0.0, 0.0, 0.0), "speed": 1.1243, "acceleration": 8.4971,
+                                "wait": False, "caller": 0}),
+        length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=3.0, servo_timeout=10.0, link_loss_stop=0.0,
+                                   power_timeout=30.0, enable_timeout=3.0),
+        firmware="1.5.14", start="enabled", latency=(0.0001, 0.001), lateness=0.002, has_turns=True, has_guard=False,
+        ends="leave", seed=1001411),
 }
 AWAITED: Dict[str, Scenario] = {
     "pause on a slow link": _scenario(

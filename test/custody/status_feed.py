@@ -37,6 +37,7 @@ class Frame(NamedTuple):
         restarts: How often its controller had been restarted.
         is_old: It comes on time, and shows another moment, or one that never was.
         jumps: It shows the joints far from where they were a moment ago.
+        copies: How often it stands in its bytes.
     """
 
     made_at: float
@@ -45,6 +46,7 @@ class Frame(NamedTuple):
     restarts: int
     is_old: bool = False
     jumps: bool = False
+    copies: int = 1
 
 
 class FeedFaults:
@@ -112,8 +114,10 @@ class StatusFeed:
         if not clients or now < faults.silent_until:
             return
         state = self._controller.state
+        copies = 2 if faults.mangled_frames > 0 and faults.mangle == "twice" else 1
         text, is_readable, shows_fault = self._frame_text(now)
-        frame = Frame(now, is_readable, shows_fault or state.emergency_stop or state.protective_stop, self.restarts)
+        frame = Frame(now, is_readable, shows_fault or state.emergency_stop or state.protective_stop, self.restarts,
+                      copies=copies)
         if now < faults.frozen_until:
             if faults.frozen is None:
                 faults.frozen = text, frame
@@ -123,7 +127,8 @@ class StatusFeed:
             faults.frozen = None
         if faults.jumping_frames > 0:
             faults.jumping_frames -= 1
-            text, frame = self._jumped(), frame._replace(is_old=True, jumps=True, is_readable=True, shows_fault=False)
+            text = self._jumped()
+            frame = frame._replace(is_old=True, jumps=True, is_readable=True, shows_fault=False, copies=1)
         self._put(clients, text, frame)
         if faults.old_frames > 0:
             old = next(((text, old) for text, old in self._sent if old.made_at >= now - faults.old_by), None)
@@ -138,7 +143,7 @@ class StatusFeed:
     def _put(clients: List[Cable], text: bytes, frame: Frame) -> None:
         for cable in clients:
             if cable.to_driver.unsent_bytes <= FRAME_BACKLOG_BYTES:
-                cable.to_driver.send(text, frame)
+                cable.to_driver.send(text, frame, frame.copies)
 
     def _jumped(self) -> bytes:
         """Return a frame whose joints are somewhere else, as from a sensor that has lost count."""

@@ -48,7 +48,7 @@ class Arrival(NamedTuple):
 class _Message(NamedTuple):
     at: float
     data: Optional[bytes]  # None: the end of the stream
-    marks: Tuple[Tuple[int, Any], ...]  # each with the number of bytes that end what it marks
+    marks: Tuple[Tuple[int, Any], ...]  # each with the bytes after which a reader has what it marks
 
 
 class Pipe:
@@ -74,8 +74,11 @@ class Pipe:
         """True while bytes wait for others that a slow link has not carried yet, or did a moment ago."""
         return not self.is_dead and self._busy_until + _AFTER_BACKLOG > self._clock.now
 
-    def send(self, data: Optional[bytes], mark: Any = None) -> None:
-        """Put bytes in; None ends the stream behind what was sent before."""
+    def send(self, data: Optional[bytes], mark: Any = None, copies: int = 1) -> None:
+        """Put bytes in; None ends the stream behind what was sent before.
+
+        ``copies``: how often these bytes hold what is marked; a reader has it after the first.
+        """
         if self.is_dead:
             return
         low, high = self._terms.latency
@@ -86,7 +89,7 @@ class Pipe:
         if self._queue and at < self._queue[-1].at:
             at = self._queue[-1].at
         self.unsent_bytes += len(data or b"")
-        self._queue.append(_Message(at, data, () if mark is None else ((len(data or b""), mark),)))
+        self._queue.append(_Message(at, data, () if mark is None else ((len(data or b"") // copies, mark),)))
         self._wait()
 
     def wake(self) -> None:

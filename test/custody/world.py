@@ -3,6 +3,7 @@
 The same scenario runs the same everywhere: every draw comes from the seed, nothing reads the host's clock.
 """
 import hashlib
+import math
 import random
 import zlib
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
@@ -39,6 +40,7 @@ RESTART_AFTER = 1.0
 SERVO_FRAME_BYTES = 120
 """About the size of a servo frame: sets how slow a link must be to carry less than a servo stream."""
 TRIES_TO_STOP = 5
+"""Stops at the end, one second apart, of which one must be delivered; one more for each second of the longest reply."""
 _NEVER = float("inf")
 
 MakeCore = Callable[[ClientSettings, ArmModel], Any]
@@ -196,7 +198,13 @@ class World:
         if self._scenario.ends == "close":
             self._clock.after(2.0, self._close)
         elif self._scenario.ends == "leave":
-            self._clock.after(QUIET_WAIT, lambda: self._last_stop(TRIES_TO_STOP))
+            self._clock.after(QUIET_WAIT, lambda: self._last_stop(TRIES_TO_STOP + self._longest_reply()))
+
+    def _longest_reply(self) -> int:
+        """Return for how long the controller may hold a reply back, and those behind it, s."""
+        dialect = self._room.controller.state.dialect
+        return math.ceil(max([getattr(dialect, name + "_delay") + getattr(dialect, name + "_reply_delay")
+                              for name in ("power", "enable", "frame", "drag")]))
 
     def _heal(self) -> None:
         self.note("all is well again")

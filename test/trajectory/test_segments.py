@@ -44,6 +44,20 @@ def test_an_arm_that_is_seen_on_its_way_back_has_ended_the_first_segment(tracker
     assert tracker.time == pytest.approx(3.0, abs=0.01) and tracker.completed == 1
 
 
+@pytest.mark.parametrize("turned_at, completed", [(0.98, 0), (0.998, 1), (1.0, 1)])
+def test_a_corner_is_passed_only_by_an_arm_that_was_there(tracker, turned_at, completed):
+    # As where the controller drops the first segment from its queue, and goes to the end of the second: a way near by.
+    for step in range(1, 196):
+        seen(tracker, min(0.02 * step, 2.0 * turned_at / SPEED - 0.02 * step) * SPEED, 10.0 + 0.02 * step)
+    assert tracker.completed == completed and (tracker.time < 2.0) is (completed == 0)
+
+
+def test_an_arm_that_was_not_seen_between_two_frames_may_have_been_at_the_corner(tracker):
+    for seconds in (0.5, 1.0, 1.5, 1.9, 2.1, 2.3, 2.5, 2.7, 2.9, 3.1):
+        seen(tracker, min(seconds, 4.0 - seconds) * SPEED, 10.0 + seconds)
+    assert tracker.time == pytest.approx(3.1, abs=0.01) and tracker.completed == 1
+
+
 def test_an_arm_that_comes_into_sight_before_a_corner_is_not_behind_it():
     # The tool is 3 mm from the begin of the line, the joints are 0.05 rad from it: two measures of the same place.
     begin, corner, end = (PathPlace(joints(q), Pose((x, 0.1, 0.3), (0.0, 0.0, 0.0)))

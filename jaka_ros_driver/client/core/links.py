@@ -13,7 +13,7 @@ from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, Fe
 from jaka_ros_driver.client.core.link import PortLink, Takeovers
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.steps import Running
-from jaka_ros_driver.client.core.stillness import Shown
+from jaka_ros_driver.client.core.stillness import ALL_SHOWN, Shown
 from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
@@ -212,10 +212,10 @@ class Links:
             if is_new:
                 self._has_sight = True
                 witness = self._witness
-                self._custody.observe(state, now, Shown(witness.rested_at if witness.is_trusted else _NEVER,
-                                                        witness.agreed_at if witness.can_tell else _NEVER))
+                self._custody.observe(state, now, Shown(witness.rested_at, witness.agreed_at)
+                                      if witness.can_tell else ALL_SHOWN)
             self._actions.add(PublishState(state, is_new))
-        if self.is_ready and self._witness.wants_to_ask(self._custody.question_due, now):
+        if self._channel.is_open and self._witness.wants_to_ask(self._custody.question_due, now):
             self._witness.ask(now)
         if self._witness.take_motion_seen():
             self._feed.refute_debt()

@@ -34,7 +34,7 @@ class Shown(NamedTuple):
 
     Attributes:
         until: The feed has certainly shown this moment, s: it shows what the controller answered to a question of then.
-            Infinite where the controller's answers are not known to be those of its feed.
+            Infinite where the controller cannot be asked, or its answers are not those of its feed.
         answered_until: It shows what the controller answered to a question of this moment, s; infinite where the
             controller cannot be asked.
     """

@@ -195,6 +195,9 @@ class _FreeStop:
             self._links.fresh_state(now)
         except ConnectionLost as error:
             return StopNotSeen("the controller accepted the stop; whether the arm rests is not known: %s" % error)
+        if self._custody.stillness.duration(self._accepted_at) >= REST_TIME_S:
+            return StopNotSeen("the controller accepted the stop, and the status feed shows the arm at rest; within "
+                               "%.1f s it has not said that it is where the feed shows it" % self._patience)
         return StopNotSeen("the controller accepted the stop, and %.1f s later the arm has not come to rest; it moves, "
                            "and not by this driver" % self._patience)
 

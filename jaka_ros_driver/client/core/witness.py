@@ -22,6 +22,8 @@ One may be measured, the other commanded.
 """
 _TURN = 0.015
 """Largest excess, rad, of a joint that turns back between two frames over what they show: 12.6 rad/s2 at 10 Hz."""
+_BRIEF_TURN = 0.79
+"""Way, rad, there and back within one second at 12.6 rad/s2; it grows with the square of the time."""
 _LEAST_AGE_S = 0.25
 _AGE_SHARE = 1.0 / 3.0
 """Age at which the feed is given up, as a share of the silence timeout.
@@ -38,7 +40,6 @@ _DRIVES_S = 0.5
 """Longest time, s, for which the feed may show drives ready after the controller first answered that they are not."""
 _LONGEST_HISTORY = 250
 """Most frames kept; a question whose answer takes longer proves nothing."""
-_MOST_QUESTIONS = 4
 _ANEW_S = 2.0
 """Shortest period, s, at which a feed that stays disputed is connected anew."""
 _TRIES = 8
@@ -101,6 +102,8 @@ class Witness:
         self._misread = dict.fromkeys((Query.JOINTS, Query.DRIVES_READY), 0)
         self._tries = _TRIES
         self._newest: Optional[RobotState] = None
+        self._period = 0.0
+        self._asks_drives = False
         self._knows_drives = False
         self._rests_since: Optional[_Answer] = None
         self._answered_at = 0.0
@@ -109,7 +112,7 @@ class Witness:
     def forget(self) -> None:
         """Drop the open questions, because the feed is a new one."""
         self._generation += 1
-        self._asked = 0
+        self._asks_joints = False
         self._frames: Deque[RobotState] = deque(maxlen=_LONGEST_HISTORY)
         self._open: List[_Answer] = []
         self._began_at = None
@@ -125,18 +128,25 @@ class Witness:
 
     @property
     def is_unanswered(self) -> bool:
-        """True while an answer has not been found in the feed."""
-        return bool(self._open)
+        """True while an answer has not been found in the feed, or none was on these connections: what they show may be
+        old, or damaged, from their first frame on.
+        """
+        return bool(self._open) or not self.agreed_at
 
     def wants_to_ask(self, rest_after: float, now: float) -> bool:
-        """Return whether a question is due: where the feed is disputed, and no open one could settle it, or for rest.
+        """Return whether a question is due: where the feed is disputed, or was not compared yet, and no open one could
+        settle it, or for rest.
 
         rest_after: Somebody waits for evidence that the arm has rested at this moment, s.
         """
-        if self.dispute:
-            return not self._asked and not self._open and bool(self._frames)
-        if not self.is_trusted or 0.0 < self.rested_at >= rest_after:
+        if self._asks_joints:
             return False
+        if self.dispute:
+            return not self._open and bool(self._frames)
+        if not self.can_tell or 0.0 < self.rested_at >= rest_after:
+            return False
+        if not self.agreed_at:
+            return not self._open
         first = self._rests_since
         return self._asked_at < rest_after or (first is not None and self._asked_at < first.at + REST_TIME_S <= now)
 
@@ -155,14 +165,18 @@ class Witness:
             self._actions.log(logging.INFO, "status feed: believed again")
 
     def ask(self, now: float) -> None:
-        """Send the questions, where the command port is open and the feed has shown something."""
+        """Send the questions, where the command port is open and the feed has shown something.
+
+        One that waits for its answer is not put again: replies are paired by name, and one that is lost would never be
+        missed.
+        """
         if self._newest is None:
             return
-        self._asked_at = now
-        if Query.DRIVES_READY not in self._refused:
+        if Query.DRIVES_READY not in self._refused and not self._asks_drives:
+            self._asks_drives = True
             self._channel.request(Query.DRIVES_READY, now, self._drives_answered)
-        if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:
-            self._asked += 1
+        if Query.JOINTS not in self._refused and not self._asks_joints:
+            self._asks_joints, self._asked_at = True, now
             generation = self._generation
             self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_answered(
                 result, error, at, generation, now))
@@ -172,7 +186,7 @@ class Witness:
 
         period: The usual one, s.
         """
-        self._newest, now = state, state.received_at
+        self._newest, now, self._period = state, state.received_at, period
         if now < self._counts_from:
             return ""
         before = self._frames[-1] if self._frames else state
@@ -186,9 +200,10 @@ class Witness:
         for number, answer in reversed(list(enumerate(self._open))):
             if _passes(before.joint_position, state.joint_position, answer.joints):
                 if now - answer.at <= longest:
-                    is_late = False
+                    is_late = is_late and self._was_never_shown(self._open[0])
                     self._confirmed(answer.asked_at, now)
-                del self._open[:number + 1]  # those before it have been passed by
+                self._open = [earlier for earlier in self._open[:number] if self._was_never_shown(earlier)] + (
+                    self._open[number + 1:])
                 break
         if is_late and (is_new or self.dispute):
             self._open = [answer for answer in self._open if answer.at > at]
@@ -216,7 +231,7 @@ class Witness:
             self._note_refusal(Query.JOINTS, error)
         if generation != self._generation:
             return
-        self._asked -= 1
+        self._asks_joints = False
         if error is not None:
             return
         self._misread[Query.JOINTS] = 0
@@ -229,15 +244,31 @@ class Witness:
         self._is_telling = len(self._answers) == _KEPT_ANSWERS and not any(
             _is_near(earlier, joints, 4.0 * NEAR) for earlier in self._answers)
         self._answers.append(joints)
-        frames = list(self._frames)
-        while len(frames) > 1 and frames[1].received_at <= asked_at:
-            del frames[0]
+        frames = self._frames_since(asked_at)
         pairs = zip(frames, frames[1:] or frames)
         if any(_passes(before.joint_position, after.joint_position, joints) for before, after in pairs):
             self._confirmed(asked_at, now)
-            self._open = []
+            self._open = [earlier for earlier in self._open if self._was_never_shown(earlier)]
         else:
             self._open.append(_Answer(joints, now, asked_at))
+
+    def _frames_since(self, moment: float) -> List[RobotState]:
+        """Return the frames from the last one before this moment, s, on."""
+        frames = list(self._frames)
+        while len(frames) > 1 and frames[1].received_at <= moment:
+            del frames[0]
+        return frames
+
+    def _was_never_shown(self, answer: _Answer) -> bool:
+        """Return whether the feed has stood since a question, elsewhere than where its answer shows the arm.
+
+        Then an arm that went there and back is shown late. A feed that moves passes by many places between its frames.
+        """
+        frames = self._frames_since(answer.asked_at)
+        stands_at = frames[-1].joint_position
+        gap = max([self._period] + [b.received_at - a.received_at for a, b in zip(frames, frames[1:])])
+        return all(_is_near(frame.joint_position, stands_at, NEAR) for frame in frames) and not _is_near(
+            stands_at, answer.joints, 2.0 * NEAR + _BRIEF_TURN * gap * gap)
 
     def _confirmed(self, asked_at: float, now: float) -> None:
         self.is_trusted = self._was_right = True
@@ -263,6 +294,7 @@ class Witness:
         return bool(self.dispute) and self._began_at is not None and now - self._began_at > _ANEW_S
 
     def _drives_answered(self, result: Any, error: Optional[JakaError], now: float) -> None:
+        self._asks_drives = False
         if error is not None:
             self._note_refusal(Query.DRIVES_READY, error)
             return

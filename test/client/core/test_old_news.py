@@ -253,7 +253,7 @@ def test_joints_that_jump_while_the_arm_is_free_are_not_believed_until_the_contr
     story.extra["get_joint_pos"] = {"joint_pos": [math.degrees(q) for q in true]}
     del story.shown[:]
     story.joints = [q + 1.5 for q in true]
-    story.run(0.3)
+    story.run(0.25)
     assert not [show for show in story.shown if show.is_new]
     story.core.move("move", MOVE, True, story.now)
     story.perform()

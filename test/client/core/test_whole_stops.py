@@ -183,12 +183,13 @@ def test_the_caller_is_answered_when_the_arm_is_seen_at_rest():
     assert story.error("stop") is None and story.count("stop_program") == 1
 
 
-def test_an_arm_that_rests_already_is_answered_for_with_the_next_frame():
-    story = Story()
+@pytest.mark.parametrize("age", [0.0, 0.5])
+def test_an_arm_that_rests_already_is_answered_for_when_the_controller_was_asked_where_it_is(age):
+    story = Story().run(age)
     story.core.stop("stop", story.now)
     story.perform()
-    assert story.error("stop") == "pending"
-    assert story.run(PERIOD).error("stop") is None
+    assert story.run(PERIOD).error("stop") == "pending"
+    assert story.run(2 * PERIOD).error("stop") is None
 
 
 def test_of_an_arm_that_moves_on_the_caller_is_told_in_time_and_it_is_stopped_again():

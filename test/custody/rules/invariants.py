@@ -201,11 +201,11 @@ class Judge:
 
     def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
         """Note that the driver has read the last bytes of these status frames."""
-        for frame in frames:
+        for place, frame in enumerate(frames, 1 - len(frames)):
             if not frame.is_readable:
                 continue
             self._seen_at = now
-            self.motion.reads_frame(frame, now)
+            self.motion.reads_frame(frame, -place, now)
             if frame.is_old:
                 self._old_until = now + OLD_NEWS
             if now >= self._room.feed.faults.frozen_until:
@@ -327,7 +327,7 @@ class Judge:
         if plant.is_moving:  # by anybody
             for call in self.sent.open_calls.values():
                 if call.kind == "path" and call.was_sent:
-                    passes(call, plant)
+                    passes(call, plant, now - self._seen_at)
         self._program(now)
         if self._guarded_from < _NEVER:
             self._guarded(now, plant)

@@ -21,6 +21,8 @@ _MUST_BEGIN = ("joint_move", "moveL", "movc", "jog")
 _BEGUN = 1e-5
 _BELIEVED_S = 0.14
 """Pause, s, after which frames may count as old news (feed.SILENCE_S, 0.15 s)."""
+_NEWS_OF_A_PIECE = 5
+"""Frames at the end of what is read at once that count as news; those before them waited (feed.MAX_BURST)."""
 _STANDS_FOR = 3
 """Frames; what one frame alone shows may be damage, unless it is a stop or a fault."""
 
@@ -105,15 +107,18 @@ class MotionRules:
             if self._streams and not is_in and reply.is_accepted:
                 self._contradicts("not in servo mode", now, "the controller reports that servo mode is off")
 
-    def reads_frame(self, frame: Frame, now: float) -> None:
-        """Note a frame before the driver takes it: joints that jump in a feed that is believed stop a motion."""
+    def reads_frame(self, frame: Frame, followers: int, now: float) -> None:
+        """Note a frame before the driver takes it: joints that jump in a feed that is believed stop a motion.
+
+        ``followers``: frames behind it that were read with it.
+        """
         is_repeated = self._frame is not None and self._frame.jumps
         self._frame = frame
         if frame.is_old:  # it may show the arm under way that has yet to begin; from then on its rest is waited for
             self._lied_at = now
         is_accepted = self._accepted_at is not None and now > self._accepted_at
         if (frame.jumps and not is_repeated and self._is_under_way and is_accepted
-                and now - self._shown_at < _BELIEVED_S):
+                and now - self._shown_at < _BELIEVED_S and followers < _NEWS_OF_A_PIECE):
             self._contradicts("jump", now, "the joints were shown to jump")
 
     def shown(self, state: RobotState, now: float) -> None:

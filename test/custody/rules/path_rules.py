@@ -33,9 +33,12 @@ def sent_for_path(name: str, request: Dict[str, Any], calls: Sequence[Call], las
     return None
 
 
-def passes(call: Call, plant: Any) -> None:
-    """Note which corner of a path the arm has passed."""
-    while call.passed < len(call.command) and _is_near(call.command[call.passed], plant):
+def passes(call: Call, plant: Any, unseen: float) -> None:
+    """Note which corner of a path the arm has passed.
+
+    ``unseen``: time since the driver saw the arm, s, within which it may have been at the corner for all it knows.
+    """
+    while call.passed < len(call.command) and _is_near(call.command[call.passed], plant, max(unseen, _CYCLE)):
         call.passed += 1
 
 
@@ -58,8 +61,8 @@ def _asks(command: Any, name: str, request: Dict[str, Any]) -> bool:
                  _SAME)
 
 
-def _is_near(command: Any, plant: Any) -> bool:
-    step = command.speed * _CYCLE
+def _is_near(command: Any, plant: Any, unseen: float) -> bool:
+    step = command.speed * unseen
     if isinstance(command, c.JointMove):
         return _near(command.joint_position, plant.joint_position, _NEAR_JOINT + step + command.tolerance / _LEVER)
     away = sum([(a - b) ** 2 for a, b in zip(plant.tcp_pose().position, command.target.position)]) ** 0.5
