@@ -117,15 +117,6 @@ class MotionGuard:
             return ""
         return self._reason(lowest, self._checks[gaps.index(lowest)])
 
-    def is_worse(self, joints: Vector, than: Vector) -> bool:
-        """Return whether a pair is nearer than the margin, and nearer than at the joint angles ``than``."""
-        gaps = self._gaps(joints, self._margin)
-        near = [(check, gap) for check, gap in zip(self._checks, gaps) if gap < self._margin]
-        if not near:
-            return False
-        before = self._ends(than)
-        return any(gap < check.gap(before, self._margin) - _SAME for check, gap in near)
-
     def first_trouble(self, joints: Sequence[Vector]) -> Optional[PathTrouble]:
         """Return the first trouble on a path that is straight in joint space between its points; None if it is clear.
 

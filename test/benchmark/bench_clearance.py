@@ -52,7 +52,6 @@ def print_guard(name, what, workspace):
     rows = [
         ("nearest", 1e6 * best_s(guard.nearest, [(joints,) for joints in poses]), "us"),
         ("trouble", 1e6 * best_s(guard.trouble, [(joints,) for joints in poses]), "us"),
-        ("is_worse", 1e6 * best_s(guard.is_worse, list(zip(poses, near))), "us"),
         ("first_trouble of one step", 1e6 * best_s(guard.first_trouble, steps), "us"),
         ("first_trouble of a plan, mean", 1e3 * best_s(guard.first_trouble, [(plan,) for plan in plans]), "ms"),
         ("first_trouble of a plan, slowest", 1e3 * max(best_s(guard.first_trouble, [(plan,)]) for plan in plans), "ms"),

@@ -61,8 +61,6 @@ def test_an_arm_in_trouble_may_move_out_and_not_deeper(guard):
     assert guard.first_trouble([inside, WORKING]) is None
     assert guard.first_trouble([inside, IN_THE_COLUMN]).index == 0
     assert guard.first_trouble([inside, WORKING, inside]).index == 1
-    assert guard.is_worse(IN_THE_COLUMN, inside) and not guard.is_worse(inside, IN_THE_COLUMN)
-    assert not guard.is_worse(inside, inside) and not guard.is_worse(WORKING, inside)
 
 
 def test_a_path_of_many_points_is_the_path_of_its_ends(guard):
@@ -75,8 +73,7 @@ def test_a_path_of_many_points_is_the_path_of_its_ends(guard):
 
 def test_joint_angles_that_are_not_finite_are_refused(guard):
     bad = (0.0, math.nan) + (0.0,) * 4
-    for ask in (guard.nearest, guard.trouble, lambda pose: guard.is_worse(pose, WORKING),
-                lambda pose: guard.first_trouble([WORKING, pose])):
+    for ask in (guard.nearest, guard.trouble, lambda pose: guard.first_trouble([WORKING, pose])):
         with pytest.raises(InvalidCommand, match="finite"):
             ask(bad)
 

@@ -12,11 +12,12 @@ from driver_process import Call
 from jog_rules import JogRules
 from path_rules import sent_for_path
 from point_rules import PointRules
+from slacks import NEARER, NEARER_STILL
 from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken, Verdicts
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.clearance.guard import MotionGuard
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -272,9 +273,12 @@ class SentRules:
                 self._verdicts.breaks(check, "f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
                     name, index + 1, value))
         target = tuple(joints)
-        trouble = self._motion_guard.trouble(target)
-        if trouble and self._motion_guard.is_worse(target, self._room.controller.state.plant.joint_position):
-            raise RuleBroken("near", now, "%s takes the arm to where %s" % (name, trouble))
+        nearest = self._motion_guard.nearest(target)
+        if nearest.distance < DEFAULT_MARGIN - NEARER:
+            before = self._motion_guard.nearest(self._room.controller.state.plant.joint_position)
+            if nearest.distance < before.distance - NEARER_STILL:
+                raise RuleBroken("near", now, "%s takes the arm to where it is %.1f mm from itself" % (
+                    name, 1e3 * nearest.distance))
 
     # ---- servo frames ----
 
