@@ -239,8 +239,7 @@ class PathTracker:
             self.time, self._seen_at = best, state.received_at
 
     def _look_at_corners(self, state: RobotState, turned: Optional[Matrix]) -> None:
-        """Note which of the next corners the arm has reached; from one frame to the next it may have been there and back.
-        """
+        """Note which of the next corners the arm has reached; between two frames it may have been there and back."""
         last, self._last_at = self._last_at, state.received_at
         half_gap = 0.5 * _FASTEST * max(0.0, state.received_at - last)
         segments = self._path.segments

@@ -433,13 +433,25 @@ KEPT: Dict[str, Scenario] = {
                                 "wait": False, "caller": 1}),
         (7.9968, "joint_move", {"delta": (0.0, 0.0, -1e-05, 0.0, 0.0, 0.0), "speed": 1.1243, "acceleration": 8.4971,
                                 "wait": False, "caller": 0}),
-        length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=3.0, servo_timeout=10.0, link_loss_stop=0.0,
-                                   power_timeout=30.0, enable_timeout=3.0),
+        length=40.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=3.0, servo_timeout=10.0,
+                                   link_loss_stop=0.0, power_timeout=30.0, enable_timeout=3.0),
         firmware="1.5.14", start="enabled", latency=(0.0001, 0.001), lateness=0.002, has_turns=True, has_guard=False,
         ends="leave", seed=1001411),
-}
-AWAITED: Dict[str, Scenario] = {
-    "pause on a slow link": _scenario(
+    "joints that jumped in the first frames of a driver were believed, and a stream began from there": _scenario(
+        (13.561, "kill", {"restart_after": 2.8372}), (13.733, "feed_jumps", {"by": 2.0, "frames": 5}),
+        (14.863, "point_stream", {"rate": 10.0, "ahead": 3.0, "jitter": 0.0, "duration": 2.0, "speed": 0.3245,
+                                  "axis": 5, "turns": True, "chance": 723, "caller": 1}),
+        length=25.0, settings=dict(_SETTINGS), latency=(0.0001, 0.0005), seed=4001805),
+    "a controller dropped a segment of a path, which was reported to have ended": _scenario(
+        (0.5, "path", {"segments": (
+            ("arc", (0.0023, -0.047, -0.0149, -0.0494, -0.0026, -0.0265)),
+            ("joint", (-0.0749, -0.0436, -0.0418, 0.0144, -0.0844, -0.0004))),
+            "radius": 0.0, "speed": 0.1999, "then": "", "then_after": 0.0, "caller": 1}),
+        (0.505, "pendant_stop", {}),
+        length=8.0, settings=dict(_SETTINGS, feed_period=0.008, reply_timeout=0.9, motion_timeout=4.0),
+        dialect={"inpos": "late"}, firmware="1.5.14", start="enabled", latency=(0.0001, 0.001), lateness=0.002,
+        seed=4002283),
+    "frames on their way moved the arm after its pause was answered": _scenario(
         (19.8492, "slow_link", {"port": "both", "carries": 0.85, "duration": 3.8488}),
         (20.8625, "path", {"segments": (
             ("line", (-0.0023, 0.0698, 0.0349, 0.0274, 0.0016, 0.0216)),
@@ -464,6 +476,8 @@ AWAITED: Dict[str, Scenario] = {
                  "second_client": "refused", "unknown_reply_fields": True},
         firmware="1.5.14", start="off", latency=(0.0001, 0.0005), lateness=0.0, auto_enable=True, has_guard=False,
         ends="close", seed=56998513),
+}
+AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(
         (1.0, "slow_link", {"port": "STATUS", "carries": 0.5, "duration": 20.0}),
         (5.0, "program", {"caller": 0, "steps": (("play", 0.0), ("stop", 0.4))}), (5.4, "stop", {"caller": 9}),

@@ -208,6 +208,7 @@ class Judge:
             self.motion.reads_frame(frame, -place, now)
             if frame.is_old:
                 self._old_until = now + OLD_NEWS
+                self._seen.reads_old_frame(now)
             if now >= self._room.feed.faults.frozen_until:
                 self._true_at = now
             if frame.shows_fault:
@@ -411,10 +412,8 @@ class Judge:
             if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
                 continue  # at the pendant
             if now > max(quiet.since, self._awake_since) + _CYCLE:
-                is_backlog = quiet.rule == "p" and self._network.is_slow(Port.COMMAND, True)
-                self.verdicts.breaks("pause on a slow link" if is_backlog else "", quiet.rule, now, "the arm moves at "
-                                     "%.4f rad/s, %.3f s %s" % (max(map(abs, plant.joint_velocity)),
-                                                                now - quiet.since + REST_AFTER_STOP, quiet.why))
+                raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
+                    max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))
         if plant.queue.is_jogging and now > max(self._jog_word_at + self._settings.jog_timeout,
                                           self._excused_until) + JOG_SLACK:
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
