@@ -11,11 +11,11 @@ from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
+from jaka_ros_driver.client.followed_path import followed_path
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 STOP_BUTTON = 9
@@ -168,8 +168,9 @@ class Clients:
                 then_after: float) -> None:
         start = asked.result
         try:
-            path = build_path(start.begin, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
-                              self._model, BuildOptions(0.01, late=1.0, slows=True))
+            core = self._driver.core
+            path = followed_path(start, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
+                                 self._model, core.settings, core.custody.motion_check)
         except InvalidTrajectory:
             return
         command = c.JointMove(path.at(path.end).position, 1.0, 1.0)

@@ -23,8 +23,8 @@ class ShownRules:
     """The judge of the states that a driver shows as new, who knows where the arm has been.
 
     Attributes:
-        mute_until: Until then the controller's answers, which would show how old a slow feed is, do not come through, or
-            prove nothing.
+        mute_until: Until then the controller's answers, which would show how old a slow feed is, do not come through,
+            or prove nothing.
     """
 
     def __init__(self, network: Network, room: ControllerRoom, settings: ClientSettings, lateness: float,
@@ -54,7 +54,7 @@ class ShownRules:
             self._answered_late_at = now
 
     def reads_old_frame(self, now: float) -> None:
-        """Note a frame that came on time and shows another moment: the way from it to the next may lead by an answer."""
+        """Note a frame that came on time and shows another moment: the way from it may lead by an answer."""
         self.mute_until = max(self.mute_until, now + self._longest)
 
     def was_at(self, joints: Vector, now: float) -> None:

@@ -67,10 +67,10 @@ GUARD_ACTS = 0.35
 connection, the request. With the time to rest, 0.31 s more than REST_AFTER_STOP were needed in 2,200 seeds."""
 GUARD_KILLS = 0.4
 """Time, s, for a guard that is turned away (0.25 s) to end the driver's process, and to connect anew."""
-NEARER = 0.0075
-"""Distance, m, by which a motion may come nearer than the margin: 5 mm between two looks (guard.FINEST_STEP), and
-2.5 mm on a trajectory, whose places are 0.04 s apart: a joint at 12.5 rad/s2 is 2.5 mrad beside the line between two of
-them, at a lever of 1 m."""
+NEARER = 0.005
+"""Distance, m, by which a motion may come nearer than the margin: 2.5 mm between two looks (in and out within
+guard.FINEST_STEP, 5 mm), and 2.5 mm on a trajectory, whose places are 0.04 s apart: a joint at 12.5 rad/s2 is 2.5 mrad
+beside the line between two of them, at a lever of 1 m."""
 NEARER_STILL = 1e-4
 """Distance, m, by which an arm within the margin may come nearer still: a trajectory begins at its own first point."""
 LOOK_PERIOD = 0.04
