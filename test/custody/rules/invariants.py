@@ -373,12 +373,14 @@ class Judge:
         """Give the driver and its guard the time to repeat a refused stop; ``part`` is the request that was refused.
 
         No reply tells whether a refused end of a jog or of servo mode had one to end: the stop was accepted, and is
-        sent again.
+        sent again. A refusal is known when its reply comes, or is overdue.
         """
+        now, faults = self._clock.now, self._room.faults
         if part in ("jog", "servo_move"):
-            self._end_is_due = self._clock.now + STOP_AGAIN + REST_AFTER_STOP
-        self._excused_until = max(self._excused_until, self._clock.now + STOP_AGAIN)
-        self._guard_excused_until = max(self._guard_excused_until, self._clock.now + STOP_AGAIN)
+            self._end_is_due = now + STOP_AGAIN + REST_AFTER_STOP
+        slow = min(faults.reply_delay, self._settings.reply_timeout) if now < faults.delays_until else 0.0
+        self._excused_until = max(self._excused_until, now + slow + STOP_AGAIN)
+        self._guard_excused_until = max(self._guard_excused_until, now + STOP_AGAIN)
 
     def _guarded(self, now: float, plant: Any) -> None:
         """Judge the guard of a driver that is dead or frozen with a motion in custody: it must stop the arm."""
