@@ -334,6 +334,7 @@ class Query(enum.Enum):
     SIMULATOR_IDENTITY = "str, what the simulated controller was named; only that one knows the question"
     HAND_GUIDING = "bool, True while hand guiding is on"
     LOADED_PROGRAM = "str, the name of the loaded program"
+    PROGRAM_STATE = "ProgramState, of the loaded program; no source tells how loading is named"
 
 
 @dataclass(frozen=True)

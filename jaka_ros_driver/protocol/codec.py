@@ -7,6 +7,7 @@ from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolErro
 from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.protocol.status import MAX_JOINT_DEG
 from jaka_ros_driver.protocol.texts import printable, shown, text_of
+from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.units import (
     all_deg_to_rad,
     all_m_to_mm,
@@ -294,6 +295,7 @@ _QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] 
     c.Query.COLLISION_LEVEL: ("get_clsn_sensitivity", {}, _collision_level),
     c.Query.SIMULATOR_IDENTITY: ("get_simulator_identity", {}, lambda r: _text(r["identity"])),
     c.Query.LOADED_PROGRAM: ("get_loaded_program", {}, lambda r: _text(r["programName"])),
+    c.Query.PROGRAM_STATE: ("get_program_state", {}, lambda r: ProgramState[_text(r["programState"]).upper()]),
     c.Query.HAND_GUIDING: ("drag_status", {}, _hand_guiding),
 }
 

@@ -84,7 +84,6 @@ class Call:
         stops: The core's number of stops then.
         next_segment, passed: For a path: the numbers of segments sent, and of corners that the arm has passed.
         is_cancelled: For a path: its client has cancelled it.
-        blindness: Why the driver could not see how far the arm came, as ``StatusFeed.blindness`` has it.
     """
 
     def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
@@ -104,7 +103,6 @@ class Call:
         self.stops = 0
         self.next_segment = self.passed = 0
         self.is_cancelled = False
-        self.blindness = ""
 
     @property
     def is_given(self) -> bool:

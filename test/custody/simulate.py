@@ -28,7 +28,6 @@ class Outcome(NamedTuple):
     seed: int
     broken: str
     rule: str
-    awaited: Tuple[str, ...]
     used: Dict[str, float]
     simulated: float
     moving: float
@@ -65,9 +64,8 @@ def run_seed(seed: int) -> Outcome:
     finally:
         gc.enable()
     broken = result.broken
-    return Outcome(seed, str(broken or ""), broken.rule if broken else "", tuple(result.awaited), result.used,
-                   result.simulated, result.moving,
-                   result.answers, time.process_time() - began)
+    return Outcome(seed, str(broken or ""), broken.rule if broken else "", result.used, result.simulated,
+                   result.moving, result.answers, time.process_time() - began)
 
 
 def rerun_command(seed: int) -> str:
@@ -79,8 +77,6 @@ def report_one(seed: int, scenario: Scenario, result: Result) -> int:
     """Print the result of one seed; return the exit code."""
     print("%d events, %.1f s simulated, %.1f s of motion, trace %s" % (
         len(scenario.events), result.simulated, result.moving, result.digest[:16]))
-    for check, broken in result.awaited.items():
-        print("awaited, %s: %s" % (check, broken))
     print(result.broken or "every rule holds")
     return 1 if result.broken else 0
 
@@ -156,11 +152,6 @@ def simulate(first: int, count: int, jobs: int, tells_progress: bool = False) ->
     if rules:
         print("broken rules: " + ", ".join("%s %d" % (
             rule, sum(outcome.rule == rule for outcome in failures)) for rule in rules))
-    awaited = sorted({check for outcome in outcomes for check in outcome.awaited})
-    if awaited:
-        print("awaited: " + ", ".join("%s %d (seed %d)" % (
-            check, sum(check in outcome.awaited for outcome in outcomes),
-            min(outcome.seed for outcome in outcomes if check in outcome.awaited)) for check in awaited))
     used: Dict[str, Tuple[float, int]] = {}
     for outcome in outcomes:
         for slack, amount in outcome.used.items():

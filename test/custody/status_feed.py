@@ -19,10 +19,6 @@ _NEEDED_FIELDS = frozenset((
 _ESSENTIAL_FIELDS = frozenset((
     "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
 _SAME_MOMENT = 1e-6
-_AFTER_FREEZE = 1.5
-"""Time, s, for which motions begun by frozen frames still run, and callers that waited for rest begin."""
-_AFTER_JUMP = 1.0
-"""Time, s, for which a driver may rely on a frame in which the joints jumped: until it has begun what was asked."""
 _KEPT_S = 3.0
 """Time for which frames are kept, to be sent again, s."""
 
@@ -87,7 +83,6 @@ class StatusFeed:
         self._next_frame = clock.now
         self._kept_text: Tuple[Any, bytes] = (None, b"")
         self._sent: Deque[Tuple[bytes, Frame]] = deque()
-        self._jumped_at = -1e9
         self.frozen_joints: Tuple[float, ...] = ()
         self.start()
 
@@ -147,18 +142,11 @@ class StatusFeed:
 
     def _jumped(self) -> bytes:
         """Return a frame whose joints are somewhere else, as from a sensor that has lost count."""
-        self._jumped_at = self._clock.now
         frame, joints = self._controller.feed_frame, self._controller.state.plant.joint_position
         frame.added = {"joint_actual_position": [rad_to_deg(value + self.faults.jump_by) for value in joints]}
         text = frame.text()
         frame.added = {}
         return text
-
-    def blindness(self) -> str:
-        """Return the check that fails where a driver believes this feed at present; "" for none."""
-        if self._clock.now < self.faults.frozen_until + _AFTER_FREEZE:
-            return "frozen"
-        return "jump" if self._clock.now < self._jumped_at + _AFTER_JUMP else ""
 
     @property
     def frame_bytes(self) -> int:

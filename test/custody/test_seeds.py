@@ -3,7 +3,6 @@ import generator
 import kept_scenarios
 import pytest
 import simulate
-import verdict
 import world
 
 CHUNK = 10
@@ -30,13 +29,6 @@ def test_no_seed_of_this_commit_breaks_a_rule(place):
 @pytest.mark.parametrize("name", sorted(kept_scenarios.KEPT))
 def test_what_once_failed_in_short(name):
     assert not world.World(kept_scenarios.KEPT[name]).run().broken
-
-
-@pytest.mark.parametrize("check", sorted(verdict.AWAITED))
-@pytest.mark.xfail(strict=True, reason="the product does not pass yet; when it does, the check leaves verdict.AWAITED")
-def test_what_is_awaited(check):
-    result = world.World(kept_scenarios.AWAITED[check]).run()
-    assert check not in result.awaited
 
 
 def test_seeds_differ():

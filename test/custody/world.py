@@ -51,7 +51,6 @@ class Result(NamedTuple):
 
     Attributes:
         broken: The rule that was broken; None for none.
-        awaited: Breaks of checks that the product does not pass yet, by the checks' names.
         used: The largest amount of each slack that was needed.
         simulated: Virtual time, s.
         moving: The part of it in which the driver moved the arm, s.
@@ -60,7 +59,6 @@ class Result(NamedTuple):
     """
 
     broken: Optional[RuleBroken]
-    awaited: Dict[str, RuleBroken]
     used: Dict[str, float]
     simulated: float
     moving: float
@@ -152,8 +150,7 @@ class World:
         except RuleBroken as error:
             broken = error
             self.note("BROKEN", error)
-        verdicts = self._judge.verdicts
-        return Result(broken, verdicts.awaited, verdicts.used, clock.now - BEGIN,
+        return Result(broken, self._judge.verdicts.used, clock.now - BEGIN,
                       self._judge.cycles_moving * CYCLE_TIME_S, self._judge.answers,
                       self._digest.hexdigest())
 

@@ -7,7 +7,7 @@ import pytest
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
 from jaka_ros_driver.protocol import codec
-from jaka_ros_driver.state import IoBank
+from jaka_ros_driver.state import IoBank, ProgramState
 
 DEG = math.radians(1.0)
 POSE = c.Pose((0.4, -0.05, 0.35), (math.pi, 0.0, math.pi / 2))
@@ -87,6 +87,7 @@ REQUESTS = [
     (c.Query.PAYLOAD, {"cmdName": "get_payload"}),
     (c.Query.COLLISION_LEVEL, {"cmdName": "get_clsn_sensitivity"}),
     (c.Query.SIMULATOR_IDENTITY, {"cmdName": "get_simulator_identity"}),
+    (c.Query.PROGRAM_STATE, {"cmdName": "get_program_state"}),
     (c.Query.HAND_GUIDING, {"cmdName": "drag_status"}),
 ]
 
@@ -133,6 +134,9 @@ def test_a_number_that_is_not_finite_is_never_encoded(make, bad):
     (c.Query.DRIVES_READY, {"power": "powered_off", "enable": "robot_disabled"}, False),
     (c.Query.DRIVES_READY, {"power": 1, "enable": True, "errcode": 0, "msg": ""}, True),
     (c.Query.DRIVES_READY, {"power": 0, "enable": False, "errcode": 0, "msg": ""}, False),
+    (c.Query.PROGRAM_STATE, {"programState": "idle"}, ProgramState.IDLE),
+    (c.Query.PROGRAM_STATE, {"programState": "Running"}, ProgramState.RUNNING),
+    (c.Query.PROGRAM_STATE, {"programState": "paused"}, ProgramState.PAUSED),
     (c.Query.COLLISION_LEVEL, {"sensitivityLevel": 3}, 3),
     (c.Query.COLLISION_LEVEL, {"sensitivityVal": "4"}, 4),
     (c.Query.SIMULATOR_IDENTITY, {"identity": "k3"}, "k3"),

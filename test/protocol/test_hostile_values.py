@@ -169,6 +169,7 @@ REPLIES = [
     (c.Query.COLLISION_LEVEL, {"sensitivityVal": "3"}),
     (c.Query.SIMULATOR_IDENTITY, {"identity": "k3"}),
     (c.Query.LOADED_PROGRAM, {"programName": "weld.jks"}),
+    (c.Query.PROGRAM_STATE, {"programState": "idle"}),
     (c.Query.HAND_GUIDING, {"drag_status": 0}),
     (c.Query.HAND_GUIDING, {"status": False}),
 ]

@@ -132,12 +132,13 @@ class Custody:
     def rest_since(self, moment: float) -> float:
         """Return for how long the arm has been seen at rest since then (monotonic, s), in s.
 
-        It is 0 where the frames may be older than that moment.
+        It is 0 where the frames may be older than that moment and the time of rest behind it: what has just begun to
+        move is still near to where it rested.
         """
         resting = self.stillness.duration(moment)
         if resting <= 0.0:
             return 0.0
-        return resting if self.is_shown_since(max(moment, self.stillness.since)) else 0.0
+        return resting if self.is_shown_since(max(moment, self.stillness.since) + REST_TIME_S) else 0.0
 
     def is_shown_since(self, moment: float) -> bool:
         """Return whether the feed has certainly shown what there was to be seen at that moment, s."""
@@ -236,7 +237,7 @@ class Custody:
                 if motion.may_be_left(state):
                     self._enter(Event.AT_REST)
                     self._release(now)
-                else:
+                elif motion.goes_on(state):
                     self._enter(Event.MOVES_ON)
                     self._begin_stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
             return

@@ -42,7 +42,11 @@ _LONGEST_HISTORY = 250
 """Most frames kept; a question whose answer takes longer proves nothing."""
 _ANEW_S = 2.0
 """Shortest period, s, at which a feed that stays disputed is connected anew."""
-_TRIES = 8
+_TRIES = 30
+"""Contradictions, one after the other, by which a witness that has never been right is known to be none: about 8 s.
+
+A feed that has stood since before the driver started looks the same for as long as it stands.
+"""
 _MISREAD = 3
 """Replies in a row that cannot be read, after which the question is not asked any more."""
 _KEPT_ANSWERS = 4
@@ -148,7 +152,8 @@ class Witness:
         if not self.agreed_at:
             return not self._open
         first = self._rests_since
-        return self._asked_at < rest_after or (first is not None and self._asked_at < first.at + REST_TIME_S <= now)
+        return self._asked_at < rest_after <= now or (
+            first is not None and self._asked_at < first.at + REST_TIME_S <= now)
 
     def distrust(self, why: str, counts_from: float) -> None:
         """Dispute the feed: what it showed before this moment, s, proves nothing."""

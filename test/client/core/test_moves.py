@@ -93,7 +93,7 @@ def test_a_move_that_is_held_near_its_target_is_not_completed_without_a_stop(fal
     story = begun((0.1,) + HOME[1:]).run(false_for, move=0.095, speed=speed, inpos=False)
     story.run(true_for, move=0.095, speed=speed, inpos=True).run(0.9)
     assert story.error("move") == "pending" and story.count("stop_program") == 0
-    assert story.run(0.2).error("move") is None and story.count("stop_program") == 1
+    assert story.run(0.25).error("move") is None and story.count("stop_program") == 1
 
 
 def test_where_inpos_has_followed_the_motion_it_tells_the_end():

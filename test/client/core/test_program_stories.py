@@ -111,6 +111,27 @@ def test_a_stop_ends_it_and_custody_stays_until_it_is_not_running_any_more():
     assert story.run(0.15).core.is_free
 
 
+def test_after_a_stop_the_controller_must_say_too_that_no_program_runs():
+    story = running()
+    story.extra["get_program_state"] = {"programState": "running"}
+    story.core.stop("stop", story.now)
+    story.fields["interp_state"] = IDLE  # as in a feed that is behind, and shows the arm before the program
+    assert not story.run(1.5).core.is_free and story.count("get_program_state") >= 10
+    assert story.count("stop_program") >= 2, "what goes on is stopped again"
+    story.extra["get_program_state"] = {"programState": "idle"}
+    assert story.run(0.3).core.is_free
+
+
+def test_while_the_controller_does_not_answer_for_its_program_custody_stays():
+    story = running()
+    story.replies["get_program_state"] = None
+    story.core.stop("stop", story.now)
+    story.fields["interp_state"] = IDLE
+    assert not story.run(0.5).core.is_free and story.count("get_program_state") == 1
+    story.reply("get_program_state", "1")
+    assert story.run(0.1).core.is_free, "it does not know the question"
+
+
 @pytest.mark.parametrize("fields, cause", [
     ({"emergency_stop": 1}, StopCause.EMERGENCY_STOP), ({"protective_stop": 1}, StopCause.PROTECTIVE_STOP),
     ({"enabled": False}, StopCause.NOT_ENABLED), ({"errcode": "0x7abcde"}, StopCause.FAULT)])
@@ -194,7 +215,7 @@ def test_a_stop_is_seen_when_no_program_runs_and_the_arm_rests():
     story = ask(with_program(RUNNING), "seen", programs.see_stopped).run(1.0)
     assert story.error("seen") == "pending"
     story.fields["interp_state"] = IDLE
-    assert story.run(0.1).error("seen") is None
+    assert story.run(0.15).error("seen") is None
     assert ask(with_program(RUNNING), "seen", programs.see_stopped).run(2.1).cause("seen") is StopCause.TIMEOUT
 
 

@@ -102,14 +102,14 @@ class Judge:
         """Reset what is judged of a driver's process: a new one is not answerable for the calls of the one before
         it."""
         now = self._clock.now
-        self.sent = SentRules(self._room, self._model, self._settings, self._lateness, self._identity, self.verdicts)
+        self.sent = SentRules(self._room, self._model, self._settings, self._lateness, self._identity)
         self.motion = MotionRules(self._room, self.verdicts, self._lateness)
         self._awake_since = now
         self._asleep_for = 0.0
         self._paused_for = 0.0
         self._unowned_since: Optional[float] = None
         self._untold_from: Optional[Vector] = None
-        self._loose_since, self._why_loose = now, ""
+        self._loose_since = now
         self._excused_until = now
         self._seen_at = self._true_at = now
         self._jog_word_at = -1e9
@@ -154,7 +154,7 @@ class Judge:
     def guard_sends(self, data: bytes, now: float) -> None:
         """Judge the guard's bytes for the command port."""
         if not is_whole_stop(requests_in(data)):
-            self.verdicts.breaks("guard's whole stop", "whole", now, "the guard's stop is only %r" % data)
+            raise RuleBroken("whole", now, "the guard's stop is only %r" % data)
 
     def tells(self, is_moving: bool, now: float) -> None:
         """Note the driver's notification to its guard."""
@@ -279,7 +279,7 @@ class Judge:
         elif call.command == ("pause", None) and call.error is None:
             self._is_quiet(_Quiet(now + PAUSE_SLACK, call.number, "p", "after %s was answered" % call))
         if call.kind == "path":
-            told_truly(call, self.verdicts, now)
+            told_truly(call, now)
         if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause in (
                 StopCause.STOPPED, StopCause.CANCELLED):
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
@@ -343,16 +343,13 @@ class Judge:
         """Judge that a program runs in custody, but for what ``_unowned`` excepts and what cannot be seen yet."""
         program, driver = self._room.controller.state.program_state, self.driver
         if program is ProgramState.IDLE or self._room.player is not DRIVER:
-            self._loose_since, self._why_loose = now, ""
+            self._loose_since = now
             return
-        if now < self._old_until or self._network.is_slow(Port.STATUS, False):
-            self._why_loose = "program on a slow link"
-        self._why_loose = self._why_loose or self._room.feed.blindness()
         if (program is not ProgramState.RUNNING or not driver.core.is_free or driver.is_paused or driver.is_gone
                 or self._room.is_off):
             self._loose_since = now
         elif now - max(self._loose_since, self._awake_since, self._excused_until) > UNOWNED:
-            self.verdicts.breaks(self._why_loose, "r", now, "a program of the driver's runs without custody")
+            raise RuleBroken("r", now, "a program of the driver's runs without custody")
 
     def _look_for_obstacles(self, now: float) -> None:
         """Note until when no driver could have stopped the arm, whatever it does."""
@@ -432,7 +429,7 @@ class Judge:
                 now - self._seen_at))
         if now > max(self._true_at + self._settings.silence_timeout,
                      self._excused_until) + SIGHT_SLACK + REST_AFTER_STOP:
-            self.verdicts.breaks("frozen", "j", now, "the arm moves, %.3f s after the last true status frame" % (
+            raise RuleBroken("j", now, "the arm moves, %.3f s after the last true status frame" % (
                 now - self._true_at))
 
     def _note_arrivals(self, plant: Any) -> None:
@@ -448,8 +445,7 @@ class Judge:
         if self.driver.is_moving_told or self._untold_from is None:
             self._untold_from = None if self.driver.is_moving_told else joints
         elif max([abs(a - b) for a, b in zip(joints, self._untold_from)]) > UNSEEN_WAY:
-            self.verdicts.breaks(self._room.feed.blindness(), "h", now,
-                                 "the arm moves, and the guard was last notified that it rests")
+            raise RuleBroken("h", now, "the arm moves, and the guard was last notified that it rests")
 
     def _unowned(self, now: float) -> None:
         """Judge that the arm moves in custody only.
@@ -466,28 +462,24 @@ class Judge:
             self._unowned_since = now
         self.verdicts.uses("UNOWNED", now - max(self._unowned_since, self._awake_since))
         if now - max(self._unowned_since, self._awake_since) > UNOWNED:
-            self.verdicts.breaks(self._room.feed.blindness(), "a", now,
-                                 "the arm has been moving for %.3f s without custody" % (now - self._unowned_since))
+            raise RuleBroken("a", now, "the arm has been moving for %.3f s without custody" % (
+                now - self._unowned_since))
 
     # ---- answers ----
 
     def _is_completed(self, call: Call, now: float) -> None:
         plant = self._room.controller.state.plant
-        blindness = call.blindness or self._room.feed.blindness()
         speed = max(map(abs, plant.joint_velocity))
         if self._room.mover is DRIVER and speed > AT_REST:
-            self.verdicts.breaks(blindness, "e", now, "%s is completed, and the arm moves at %.4f rad/s" % (
-                call, speed))
+            raise RuleBroken("e", now, "%s is completed, and the arm moves at %.4f rad/s" % (call, speed))
         is_there, away = _is_there(call.command[-1] if call.kind == "path" else call.command, plant)
         # other moves were queued behind it: the arm was at its target, and is at theirs now
         was_passed = self.sent.last_motion > call.number and call.was_there
         if not is_there and not was_passed:
-            self.verdicts.breaks(blindness, "e", now, "%s is completed, and the arm is %s away" % (call, away))
+            raise RuleBroken("e", now, "%s is completed, and the arm is %s away" % (call, away))
 
     def _scan_calls(self, now: float) -> None:
-        blindness = self._room.feed.blindness()
         for call in self.sent.open_calls.values():
-            call.blindness = call.blindness or blindness
             if now - call.given_at > self._longest(call) + self._asleep_for + self._paused_for:
                 raise RuleBroken("e", now, "%s is not answered after %.1f s" % (call, now - call.given_at))
 
@@ -522,8 +514,7 @@ class Judge:
         """Judge that the arm rests at the end: no motion wanted, no stop obstructed, or driver gone without guard."""
         plant = self._room.controller.state.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
-            self.verdicts.breaks(self._room.feed.blindness() if rule == "goodbye" else "", rule, self._clock.now,
-                                 "the arm has not come to rest at the end")
+            raise RuleBroken(rule, self._clock.now, "the arm has not come to rest at the end")
 
     def must_be_free(self) -> None:
         """Judge that the arm is out of custody at the end, and servo mode left."""

@@ -6,7 +6,7 @@ from typing import Any, Dict, Optional, Set, Tuple
 
 from controller_room import STREAMED, ControllerRoom, Reply, is_motion
 from status_feed import Frame
-from verdict import Verdicts
+from verdict import RuleBroken, Verdicts
 
 from jaka_ros_driver.state import ProgramState, RobotState, Vector
 
@@ -155,17 +155,15 @@ class MotionRules:
         self._excused_until = excused_until
         if not self._is_under_way:
             return
-        for check, (due, text) in list(self._due.items()):
+        for due, text in self._due.values():
             if now > max(due, excused_until):
-                del self._due[check]
-                self._verdicts.breaks(check, "against", now, "%s %.3f s ago in a motion begun by %s, and no stop was "
-                                      "sent" % (text, now - due + self._reaction, self._kind))
+                raise RuleBroken("against", now, "%s %.3f s ago in a motion begun by %s, and no stop was sent" % (
+                    text, now - due + self._reaction, self._kind))
         if not self._has_yet_to_begin():
             return
         joints = self._room.controller.state.plant.joint_position
         if max([abs(a - b) for a, b in zip(joints, self._start)]) > _BEGUN:
             self._has_begun = True
         elif now > max(self._accepted_at + START_WINDOW, self._lied_at + START_WINDOW, excused_until) + START_SLACK:
-            self._has_begun = True
-            self._verdicts.breaks("", "late", now, "%s was accepted %.3f s ago, the arm has not begun to move, and no "
-                                  "stop was sent" % (self._kind, now - self._accepted_at))
+            raise RuleBroken("late", now, "%s was accepted %.3f s ago, the arm has not begun to move, and no stop was "
+                             "sent" % (self._kind, now - self._accepted_at))

@@ -2,7 +2,7 @@
 from typing import Any, Dict, Optional, Sequence
 
 from driver_process import Call
-from verdict import RuleBroken, Verdicts
+from verdict import RuleBroken
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import PathInterrupted
@@ -42,13 +42,13 @@ def passes(call: Call, plant: Any, unseen: float) -> None:
         call.passed += 1
 
 
-def told_truly(call: Call, verdicts: Verdicts, now: float) -> None:
+def told_truly(call: Call, now: float) -> None:
     """Judge the answer of a path against what the arm has done."""
     if call.error is None and call.was_sent and call.passed < len(call.command):
-        verdicts.breaks(call.blindness, "q", now, "path %d is completed, and the arm has not been at the end of "
-                        "segment %d" % (call.number, call.passed))
+        raise RuleBroken("q", now, "path %d is completed, and the arm has not been at the end of segment %d" % (
+            call.number, call.passed))
     if isinstance(call.error, PathInterrupted) and call.error.completed > call.passed:
-        verdicts.breaks(call.blindness, "q", now, "path %d is reported to have completed %d segments; it was %d" % (
+        raise RuleBroken("q", now, "path %d is reported to have completed %d segments; it was %d" % (
             call.number, call.error.completed, call.passed))
 
 

@@ -14,7 +14,7 @@ from path_rules import sent_for_path
 from point_rules import PointRules
 from slacks import NEARER, NEARER_STILL
 from trajectory_rules import TrajectoryRules
-from verdict import RuleBroken, Verdicts
+from verdict import RuleBroken
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
@@ -77,9 +77,8 @@ class SentRules:
     """
 
     def __init__(self, room: ControllerRoom, model: ArmModel, settings: ClientSettings, lateness: float,
-                 identity: str, verdicts: Verdicts) -> None:
+                 identity: str) -> None:
         self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
-        self._verdicts = verdicts
         self._motion_guard = MotionGuard(model, settings.workspace)
         self._is_foreign = bool(settings.simulator) and settings.simulator != identity
         self.knows_controller = False
@@ -168,7 +167,7 @@ class SentRules:
         """Judge the bytes of one Send; return its requests."""
         requests = requests_in(data)
         if any(request["cmdName"] == "stop_program" for request in requests) and not is_whole_stop(requests):
-            self._verdicts.breaks("whole stop", "whole", now, "a stop goes out that is only %s" % ", ".join(
+            raise RuleBroken("whole", now, "a stop goes out that is only %s" % ", ".join(
                 [request["cmdName"] for request in requests]))
         for request in requests:
             name = request["cmdName"]
@@ -269,8 +268,7 @@ class SentRules:
     def _within(self, ranges: limits.JointRanges, name: str, joints: Sequence[float], now: float) -> None:
         for index, (value, (low, high)) in enumerate(zip(joints, ranges)):
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
-                check = self._room.feed.blindness() if name in STREAMED else ""
-                self._verdicts.breaks(check, "f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
+                raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
                     name, index + 1, value))
         target = tuple(joints)
         nearest = self._motion_guard.nearest(target)
@@ -322,8 +320,8 @@ class SentRules:
         if before is None:
             measured = self._room.controller.state.plant.joint_position
             if not _near(measured, joints, FIRST_FRAME_NEAR):
-                self._verdicts.breaks(self._room.feed.blindness(), "f", now, "the first servo frame is %.3f rad from "
-                                      "the arm" % max([abs(a - b) for a, b in zip(measured, joints)]))
+                raise RuleBroken("f", now, "the first servo frame is %.3f rad from the arm" % max(
+                    [abs(a - b) for a, b in zip(measured, joints)]))
             return
         for index, (old, new, top) in enumerate(zip(before, joints, self._model.joint_max_speed)):
             reach = min(top, SERVO_SPEED_CEILING) * SERVO_CYCLE * cycles * SPEED_SLACK

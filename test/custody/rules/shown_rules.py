@@ -4,7 +4,7 @@ from typing import Deque, Tuple
 
 from controller_room import ControllerRoom, Reply
 from slacks import AGE_SLACK, SHOWN_AGE, SHOWN_PERIODS, UNTELLING
-from verdict import Verdicts
+from verdict import RuleBroken, Verdicts
 from wire import Network
 
 from jaka_ros_driver.client.core.actions import Port
@@ -79,9 +79,8 @@ class ShownRules:
         is_slow = self._network.is_slow(Port.STATUS, False)
         if is_slow and (self._is_unanswered(now) or not self._is_older(state.joint_position, now)):
             return  # without the controller's answers, nothing shows how old a slow feed is
-        check = "age" if is_slow else "g"
-        self._verdicts.breaks(check, check, now, "a state is shown as new that the arm was not in within the last %.3f "
-                              "s; %s" % (age, self._age_of(state.joint_position, now)))
+        raise RuleBroken("age" if is_slow else "g", now, "a state is shown as new that the arm was not in within the "
+                         "last %.3f s; %s" % (age, self._age_of(state.joint_position, now)))
 
     def _is_unanswered(self, now: float) -> bool:
         """Return whether the controller's answers do not come, or came late a moment ago."""

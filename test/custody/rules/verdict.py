@@ -51,40 +51,17 @@ class RuleBroken(Exception):
         self.rule, self.at, self.text = rule, at, text
 
 
-AWAITED: Dict[str, str] = {
-    "program on a slow link": "frames from before a program count as evidence of none; joints at rest show no age",
-}
-"""Checks that the product does not pass yet, by their names, with the reason. Their breaks are noted and end no seed.
-
-Each has a scenario in ``kept_scenarios.AWAITED``, whose test fails as soon as the product passes: then its line here
-goes.
-"""
-
-
 class Verdicts:
-    """The collector of findings; the first broken rule ends the world.
+    """The collector of what the slacks are needed for.
 
     Attributes:
-        awaited: The first break of each check in ``AWAITED``.
         used: The largest amount of each slack that was needed, by its name: what a slack may be shrunk to.
     """
 
     def __init__(self) -> None:
-        self.awaited: Dict[str, RuleBroken] = {}
         self.used: Dict[str, float] = {}
 
     def uses(self, slack: str, amount: float) -> None:
         """Note how much of a slack is needed."""
         if amount > self.used.get(slack, 0.0):
             self.used[slack] = amount
-
-    def breaks(self, check: str, rule: str, at: float, text: str) -> None:
-        """Report a failed check.
-
-        Raises:
-            RuleBroken: It is none of those that are awaited.
-        """
-        broken = RuleBroken(rule, at, text)
-        if check not in AWAITED:
-            raise broken
-        self.awaited.setdefault(check, broken)

@@ -1,18 +1,27 @@
 """A program that is stored in the controller: in custody from before it is played until it is over and the arm rests.
 
 Its motions are not known here. So the program's state in the status feed (``interp_state``, docs/controller-protocol.md
-section 6.2) decides that it is over, together with joints at rest; the state alone does not.
+section 6.2) decides that it is over, together with joints at rest; the state alone does not. After a stop the
+controller is asked for it besides.
 """
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Token
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
-from jaka_ros_driver.commands import Command, ResumeMotion
-from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.commands import Command, Query, ResumeMotion
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    ProtocolError,
+    StopCause,
+)
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState, RobotState
 
 SHOWN_WITHIN_S = 2.0
@@ -49,6 +58,7 @@ class ProgramMotion(ArmMotion):
         self._over_since: Optional[float] = None
         self._ran_at = -_NEVER
         self._feed_watch = FeedWatch(custody.motion_check.look())
+        self._answers = _ProgramAnswers(custody.channel)
 
     def begin(self, now: float) -> None:
         self._custody.channel.request(self._command, now, self._replied)
@@ -79,6 +89,13 @@ class ProgramMotion(ArmMotion):
             self._ran_at = state.received_at
 
     def may_be_left(self, state: RobotState) -> bool:
+        return self._is_shown_over(state) and (
+            state.program_state == ProgramState.PAUSED or self._answers.are_idle(state.received_at))
+
+    def goes_on(self, state: RobotState) -> bool:
+        return not self._is_shown_over(state) or self._answers.newest == ProgramState.RUNNING
+
+    def _is_shown_over(self, state: RobotState) -> bool:
         if state.received_at - self._ran_at < _OVER_TIME_S:  # one frame that shows none may be an old one
             return False
         if state.program_state == ProgramState.PAUSED:  # one that was not to be resumed is still paused
@@ -133,6 +150,41 @@ class ProgramMotion(ArmMotion):
     def _answer(self, error: Optional[JakaError]) -> None:
         call, self._call = self._call, None
         self._custody.actions.answer(call, None, error)
+
+
+class _ProgramAnswers:
+    """The controller's answers on its program, once a stop was accepted and the feed shows neither program nor motion.
+
+    A feed that is behind shows that, too: how the arm was before. Joints at rest do not tell how old it is.
+
+    Attributes:
+        newest: The newest answer; None before the first.
+    """
+
+    def __init__(self, channel: CommandChannel) -> None:
+        self._channel = channel
+        self._is_asking = False
+        self._can_tell = True
+        self.newest: Optional[ProgramState] = None
+
+    def are_idle(self, now: float) -> bool:
+        """Return whether the controller has said that no program runs; else ask.
+
+        True where it does not know the question.
+        """
+        if not self._can_tell or self.newest == ProgramState.IDLE:
+            return True
+        if not self._is_asking and self._channel.is_open:
+            self._is_asking = True
+            self._channel.request(Query.PROGRAM_STATE, now, self._answered)
+        return False
+
+    def _answered(self, result: Any, error: Optional[JakaError], _now: float) -> None:
+        self._is_asking = False
+        if isinstance(error, (CommandRejected, ProtocolError)):
+            self._can_tell = False
+        elif error is None:
+            self.newest = result
 
 
 def require_program_state(state: RobotState, *wanted: ProgramState) -> None:
