@@ -1,4 +1,5 @@
 """The rules for what is shown as new: that the arm was there a moment ago."""
+import math
 from collections import deque
 from typing import Deque, Tuple
 
@@ -14,6 +15,8 @@ from jaka_ros_driver.state import RobotState, Vector
 _SAME_JOINT = 1e-6
 _HISTORY_S = 8.0
 _CYCLE = 0.008
+_JUST_SHOWN_S, _BY_THE_WAY = 0.4, 0.02
+"""Time, s, within which an answer must be shown, with a frame more; how near a place, rad, counts as shown."""
 _ASKS = "get_joint_pos"
 _UNANSWERED_S = 0.3
 """Time, s, that an answer may take without which nothing shows how old a slow feed is (docs/safety.md)."""
@@ -79,8 +82,10 @@ class ShownRules:
         is_slow = self._network.is_slow(Port.STATUS, False)
         if is_slow and (self._is_unanswered(now) or not self._is_older(state.joint_position, now)):
             return  # without the controller's answers, nothing shows how old a slow feed is
+        if is_slow and self._leads_by_the_arm(now, self._age(state.joint_position, now)):
+            return
         raise RuleBroken("age" if is_slow else "g", now, "a state is shown as new that the arm was not in within the "
-                         "last %.3f s; %s" % (age, self._age_of(state.joint_position, now)))
+                         "last %.3f s; it is %.3f s old" % (age, self._age(state.joint_position, now)))
 
     def _is_unanswered(self, now: float) -> bool:
         """Return whether the controller's answers do not come, or came late a moment ago."""
@@ -101,13 +106,20 @@ class ShownRules:
             until = since
         return True
 
-    def _age_of(self, joints: Vector, now: float) -> str:
+    def _leads_by_the_arm(self, now: float, age: float) -> bool:
+        """Return whether what a late feed has just shown leads by where the arm is: then it shows every answer, too."""
+        here = self._joints[-1][1]
+        return any(_distance(joints, here) <= _BY_THE_WAY for at, joints in self._joints
+                   if now - age - _JUST_SHOWN_S <= at <= now - age)
+
+    def _age(self, joints: Vector, now: float) -> float:
+        """Return how old a shown state is, s; infinite where it is older than anything known, or was never true."""
         until = now
         for since, known in reversed(self._joints):
             if _distance(known, joints) <= _SAME_JOINT:
-                return "it is %.3f s old" % (now - until)
+                return now - until
             until = since
-        return "it is older than anything known, or was never true"
+        return math.inf
 
 
 def _distance(a: Vector, b: Vector) -> float:
