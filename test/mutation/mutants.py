@@ -175,7 +175,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            OLD_NEWS),
     Mutant("an answer from the begin of a motion shows rest", "client/core/custody.py",
            "self.is_shown_since(max(moment, self.stillness.since) + REST_TIME_S)",
-           "self.is_shown_since(max(moment, self.stillness.since))", SEEDS),
+           "self.is_shown_since(max(moment, self.stillness.since))", OLD_NEWS),
     Mutant("a stopped program is over when the feed alone says so", "client/core/planned/program.py",
            "if not self._can_tell or self.newest == ProgramState.IDLE:", "if True:",
            ("test/client/core/test_program_stories.py",)),

@@ -300,3 +300,18 @@ def test_a_feed_that_repeats_itself_while_the_arm_moves_is_not_believed_on_a_new
     story.joints = moving
     story.run(0.2)
     assert story.shown[-1].is_new
+
+
+def test_an_arm_that_has_just_begun_is_not_shown_at_rest_by_a_feed_that_is_behind():
+    # The controller reports a refusal, and moves all the same; the feed shows the arm as it was 0.2 s ago.
+    story = Story().run(0.5)
+    story.replies["joint_move"] = "1"
+    story.core.move("move", MOVE, True, story.now)
+    story.perform()
+    away = [math.degrees(q) for q in story.joints]
+    story.run(0.06)
+    away[0] += 10.0
+    story.extra["get_joint_pos"] = {"joint_pos": away}
+    assert not story.run(0.14).core.is_free, "the answers of 0.08 s after the refusal show it elsewhere"
+    story.joints[0] += math.radians(10.0)
+    assert not story.run(0.1).core.is_free and story.count("stop_program") == 1
