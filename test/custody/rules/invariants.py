@@ -174,6 +174,7 @@ class Judge:
         self._awake_since = now
         self._excused_until = now + self._relink
         self.sent.resumed(now)
+        self._seen.resumed(now)
 
     def obstacle(self) -> None:
         """Pause the rules for driver and guard for a while: connections may be dead without either having noticed."""

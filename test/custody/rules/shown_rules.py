@@ -4,7 +4,7 @@ from collections import deque
 from typing import Deque, Tuple
 
 from controller_room import ControllerRoom, Reply
-from slacks import AGE_SLACK, SHOWN_AGE, SHOWN_PERIODS, UNTELLING
+from slacks import AGE_SLACK, SHOWN_AGE, SHOWN_PERIODS, STOOD_AGE, UNTELLING
 from verdict import RuleBroken, Verdicts
 from wire import Network
 
@@ -15,6 +15,8 @@ from jaka_ros_driver.state import RobotState, Vector
 _SAME_JOINT = 1e-6
 _HISTORY_S = 8.0
 _CYCLE = 0.008
+_STOOD_S = 1.0
+"""Time, s, after a pause of the process for which ``STOOD_AGE`` counts: that of the next questions and answers."""
 _JUST_SHOWN_S, _BY_THE_WAY = 0.4, 0.02
 """Time, s, within which an answer must be shown, with a frame more; how near a place, rad, counts as shown."""
 _ASKS = "get_joint_pos"
@@ -38,7 +40,7 @@ class ShownRules:
         self._joints: Deque[Tuple[float, Vector]] = deque()
         self._questions: Deque[float] = deque()
         self._answered_late_at = 0.0
-        self.mute_until = 0.0
+        self.mute_until = self._awake_since = 0.0
 
     def begin_anew(self, now: float) -> None:
         """Begin with another connection of the command port: what was asked before is not answered."""
@@ -55,6 +57,10 @@ class ShownRules:
         is_answer = reply.command == _ASKS and reply.is_accepted and bool(self._questions)
         if is_answer and now - self._questions.popleft() > _UNANSWERED_S:
             self._answered_late_at = now
+
+    def resumed(self, now: float) -> None:
+        """Note that the process runs again: a slow feed may be older for a while."""
+        self._awake_since = now
 
     def reads_old_frame(self, now: float) -> None:
         """Note a frame that came on time and shows another moment: the way from it may lead by an answer."""
@@ -97,7 +103,8 @@ class ShownRules:
 
         Motion too small to differ from rest does not count.
         """
-        until, oldest = now, now - self._longest
+        longest = self._longest + (STOOD_AGE if now < self._awake_since + _STOOD_S else 0.0)
+        until, oldest = now, now - longest
         for since, known in reversed(self._joints):
             if until < oldest:
                 break

@@ -37,6 +37,9 @@ this length (feed.SILENCE_S) arrive in one piece and count as new."""
 AGE_SLACK = 0.1
 """Slack over ``silence_timeout``, s: the driver's timer (0.02 s), the wire's latency, one cycle (0.008 s), and the
 judge's look."""
+STOOD_AGE = 0.3
+"""More of it after a pause of the process on a slow link, s, the figure in docs/safety.md: 0.21 s were needed in seed
+8000965, of three frames of the slowest feed (0.1 s)."""
 OLD_NEWS = 0.3
 """Time after a frame that came on time and was not true, s: three frames of the slowest feed (0.1 s), after which true
 ones have taken its place."""
