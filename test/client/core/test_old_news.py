@@ -315,3 +315,17 @@ def test_an_arm_that_has_just_begun_is_not_shown_at_rest_by_a_feed_that_is_behin
     assert not story.run(0.14).core.is_free, "the answers of 0.08 s after the refusal show it elsewhere"
     story.joints[0] += math.radians(10.0)
     assert not story.run(0.1).core.is_free and story.count("stop_program") == 1
+
+
+def test_where_feed_and_controller_never_agree_a_move_is_refused_with_that_reason_for_eight_seconds():
+    story = Story(ready=False)
+    elsewhere = [math.degrees(q) + 3.0 for q in story.joints]
+    story.extra["get_joint_pos"] = {"joint_pos": elsewhere}
+    story.connect()
+    story.run(0.3)
+    story.core.move("early", MOVE, False, story.now)
+    story.perform()
+    assert "has not shown within 1.5 s where the controller says" in str(story.run(2.0).error("early"))
+    assert story.count("joint_move") == 0
+    story.run(8.0).core.move("late", MOVE, False, story.now)
+    assert story.run(0.1).error("late") is None and "not those of its status feed" in "".join(story.log)

@@ -168,6 +168,9 @@ class Admission:
             holder = self.owner
             if holder is None:
                 require_no_wait(owner, self.evidence(owner, self._sight.fresh_state(now)))
+                if self._sight.is_in_question and self._custody.stillness.duration() >= REST_TIME_S:
+                    raise InvalidCommand("refused: the status feed has not shown within %.1f s where the controller "
+                                         "says the arm is" % _WAIT_FOR_REST_S)
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
                 _WAIT_FOR_REST_S, "it moves, and not by this driver" if holder is None
                 else "%s is still being ended" % holder.value))
