@@ -56,8 +56,21 @@ class Stops:
         self._newest: Optional[_FreeStop] = None
 
     def stop(self, call: Token, now: float) -> None:
-        """Stop for a caller, who is answered once; errors as ``ArmCore.stop``."""
+        """Stop for a caller, who is answered once; errors as ``ArmCore.stop``.
+
+        A port that was left to another client is taken for it.
+        """
         self._end_waiting()
+        if not (self._custody.is_free or self._channel.is_open) and self._links.take_port(now):
+            self._carry_out(self._given_when_connected(call), lambda _, _error, _at: None, now)
+        else:
+            self._give(call, now)
+
+    def _given_when_connected(self, call: Token) -> Procedure:
+        yield Until(lambda _now: self._channel.is_open, self._patience)
+        self._give(call, (yield Now()))
+
+    def _give(self, call: Token, now: float) -> None:
         if self._custody.is_free:
             self._stop_free_arm(call, now)
             return

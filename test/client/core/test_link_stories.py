@@ -290,6 +290,26 @@ def test_a_stop_takes_the_port_at_once_that_was_left_to_another_client(comes_bac
         assert isinstance(story.error("stop"), ConnectionLost) and 0.8 < story.answers["stop"][0] - asked_at < 0.95
 
 
+def test_a_stop_takes_the_port_at_once_also_while_a_motion_that_was_stopped_is_watched():
+    story = Story()
+    rival = Rival(story, 0.4).run(8.0)
+    rival.after = 1e9
+    rival.run(12.0)
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.core.stop("first", story.now)
+    rival.after = 0.0
+    rival.run(0.1, times=1, move=1.0, inpos=False)
+    assert story.error("first") is None and not story.core.is_free and not story.core.links.is_ready
+    rival.after = 1e9
+    del story.sent[:]
+    asked_at = story.now
+    story.core.stop("second", story.now)
+    rival.run(0.1, inpos=False)
+    assert story.error("second") is None and story.answers["second"][0] - asked_at < 0.05
+    assert "stop_program" in story.names()
+
+
 def test_a_port_that_nobody_takes_any_more_is_a_port_like_any_other():
     story = Story()
     rival = Rival(story).run(20.0)
