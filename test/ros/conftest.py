@@ -1,22 +1,41 @@
 """A roscore of the tests' own, on loopback and a free port, and launch files started against it."""
 import contextlib
 from pathlib import Path
-from typing import Callable, Iterator, List, Sequence, Tuple
+from typing import Callable, Dict, Iterator, List, Sequence, Set, Tuple
 
 import import_graph
 import pytest
+import rosgraph
 import roslaunch
 import rospy
 import waiting
 from driver_bench import Arm, SimulatorProcess
 from ros_graph import core, launched_parent
 
+_KEPT_PARAMETERS: Dict[str, Set[str]] = {}
+"""The parameters of a master of this process that are its own, by its URI."""
+
 
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory) -> Iterator[str]:
     """Start a master and return its URI; the environment points at it, logs go to a temporary folder."""
     with core(tmp_path_factory.mktemp("ros_home")) as uri:
+        _KEPT_PARAMETERS[uri] = set(rosgraph.Master("/tests", uri).getParamNames())
         yield uri
+        del _KEPT_PARAMETERS[uri]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def parameters_end_with_their_module() -> Iterator[None]:
+    """Delete what a module's drivers and launch files leave on the master: the next driver of that name would take it.
+
+    Which module comes next in a process differs from run to run.
+    """
+    yield
+    for uri, kept in _KEPT_PARAMETERS.items():
+        master = rosgraph.Master("/tests", uri)
+        for name in set(master.getParamNames()) - kept:
+            master.deleteParam(name)
 
 
 @pytest.fixture(scope="session")
