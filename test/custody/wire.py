@@ -103,7 +103,7 @@ class Pipe:
         self._queue.clear()
 
     def _wait(self) -> None:
-        if not self._is_waiting and self._queue:
+        if not self._is_waiting and self._queue and not self.is_dead:
             self._is_waiting = True
             self._clock.at(max(self._queue[0].at, self._terms.stalled_until), self._arrive)
 
