@@ -38,7 +38,7 @@ def id_of(answer):
 
 
 MISSED = 0.2
-"""How much farther, mm, a corner is passed where a busy host leaves a sample out: 0.1 mm were seen."""
+"""Excess, mm, of the distance at a corner where a busy host leaves a sample out: 0.1 mm were seen."""
 
 
 def line(arm, x, y, radius=0.0, speed=200.0):
