@@ -219,24 +219,25 @@ class PathTracker:
     def observe(self, state: RobotState) -> None:
         """Advance to the place of a fresh state; an arm beside its path makes no progress."""
         elapsed = max(0.0, state.received_at - self._seen_at)
-        low = self.time
-        high = min(self._path.duration, low + _FASTEST * elapsed + _SLACK_S)
         turned = None if state.tcp_rpy is None else matrix_from_rpy(state.tcp_rpy)
         self._look_at_corners(state, turned)
+        low = self.time
+        high = min(self._farthest, low + _FASTEST * elapsed + _SLACK_S)
         nearest, best = math.inf, low
         for end in [end for end in self._path.ends if low < end < high] + [high]:
             time, away = self._nearest(low, end, state, turned)
-            is_open = self._path.completed(end) <= self._reached or self._path.completed(end) == len(self._path.ends)
-            if not is_open:
-                time = min(time, self._path.ends[self._reached] - _BEFORE_CORNER_S)
             if away < nearest - _BEHIND_CORNER:
                 nearest, best = away, time
-            if not is_open:
-                break
             low = end
         way = self._path.distance(self.time, state, turned)
         if nearest <= self._rounded + max(_BESIDE, min(_FAR_ASIDE, _ASIDE_SHARE * way)):
             self.time, self._seen_at = best, state.received_at
+
+    @property
+    def _farthest(self) -> float:
+        """The time of the farthest place that the arm can be at, s: before the next corner that it has not reached."""
+        end = self._path.ends[self._reached]
+        return end if self._reached == len(self._path.ends) - 1 else max(self.time, end - _BEFORE_CORNER_S)
 
     def _look_at_corners(self, state: RobotState, turned: Optional[Matrix]) -> None:
         """Note which of the next corners the arm has reached; between two frames it may have been there and back."""

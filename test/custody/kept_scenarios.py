@@ -441,7 +441,7 @@ KEPT: Dict[str, Scenario] = {
         (13.561, "kill", {"restart_after": 2.8372}), (13.733, "feed_jumps", {"by": 2.0, "frames": 5}),
         (14.863, "point_stream", {"rate": 10.0, "ahead": 3.0, "jitter": 0.0, "duration": 2.0, "speed": 0.3245,
                                   "axis": 5, "turns": True, "chance": 723, "caller": 1}),
-        length=25.0, settings=dict(_SETTINGS), latency=(0.0001, 0.0005), seed=4001805),
+        length=25.0, settings=_SETTINGS, latency=(0.0001, 0.0005), seed=4001805),
     "a controller dropped a segment of a path, which was reported to have ended": _scenario(
         (0.5, "path", {"segments": (
             ("arc", (0.0023, -0.047, -0.0149, -0.0494, -0.0026, -0.0265)),

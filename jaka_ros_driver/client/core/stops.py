@@ -56,36 +56,15 @@ class Stops:
         self._newest: Optional[_FreeStop] = None
 
     def stop(self, call: Token, now: float) -> None:
-        """Stop for a caller, who is answered once; errors as ``ArmCore.stop``.
-
-        A port that was left to another client is taken for it.
-        """
+        """Stop for a caller, who is answered once; errors as ``ArmCore.stop``."""
         self._end_waiting()
-        if not (self._custody.is_free or self._channel.is_open) and self._links.take_port(now):
-            self._carry_out(self._given_when_connected(call), lambda _, _error, _at: None, now)
-        else:
-            self._give(call, now)
-
-    def _given_when_connected(self, call: Token) -> Procedure:
-        yield Until(lambda _now: self._channel.is_open, self._patience)
-        self._give(call, (yield Now()))
-
-    def _give(self, call: Token, now: float) -> None:
-        if self._custody.is_free:
-            self._stop_free_arm(call, now)
-            return
-        is_held_up = self._channel.is_held_up
-        answer = _Once(self._actions, call)
-        self._custody.stop_for(answer, now)
-        if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
-            self._carry_out(self._until(lambda: answer.is_given),
-                            lambda _, error, _at: answer(error or self._timeout()), now)
+        self._stop(call, now)
 
     def stop_own(self, now: float) -> None:
         """Send a stop for which nobody is answered."""
         self._end_waiting()
         if self._custody.is_free:
-            self._stop_free_arm(None, now)
+            self._stop(None, now)
         else:
             self._custody.stop(MotionInterrupted(StopCause.STOPPED), now)
 
@@ -98,30 +77,43 @@ class Stops:
         self.count += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
 
-    def _stop_free_arm(self, call: Token, now: float) -> None:
+    def _stop(self, call: Token, now: float) -> None:
+        """Send the stop at once; where the port was left to another client, on the connection that is made for it."""
+        if not self._channel.is_open and self._links.take_port(now):
+            self._carry_out(self._sent_when_connected(call), lambda _, _error, _at: None, now)
+        else:
+            self._send(call, self._patience, now)
+
+    def _sent_when_connected(self, call: Token) -> Procedure:
+        asked = yield Now()
+        yield Until(lambda _now: self._channel.is_open, self._patience)
+        now = yield Now()
+        self._send(call, max(0.0, asked + self._patience - now), now)
+
+    def _send(self, call: Token, patience: float, now: float) -> None:
+        """Send the stop; ``patience``: the time that is left to its answer, s."""
+        if self._custody.is_free:
+            self._stop_free_arm(call, patience, now)
+            return
+        is_held_up = self._channel.is_held_up
+        answer = _Once(self._actions, call)
+        self._custody.stop_for(answer, now)
+        if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
+            self._carry_out(self._until(lambda: answer.is_given),
+                            lambda _, error, _at: answer(error or self._timeout()), now)
+
+    def _stop_free_arm(self, call: Token, patience: float, now: float) -> None:
         """Stop an arm that this driver does not move: a program, a jog, or servo mode of somebody else."""
         answer = _Once(self._actions, call)
         stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer,
                          self._see_servo_mode_left)
-        if not self._channel.is_open and self._links.take_port(now):
-            self._carry_out(self._sent_when_connected(stop), lambda _, error, _at: answer(error), now)
-            return
         try:
             stop.send(now)
         except JakaError as error:
             answer(error)
             return
         self._newest = stop
-        self._carry_out(self._watched(stop, self._patience), lambda _, error, _at: answer(error), now)
-
-    def _sent_when_connected(self, stop: "_FreeStop") -> Procedure:
-        """Send the stop on the connection that is made for it; raise ConnectionLost where none is up in time."""
-        asked = yield Now()
-        yield Until(lambda _now: self._channel.is_open, self._patience)
-        now = yield Now()
-        stop.send(now)
-        self._newest = stop
-        yield from self._watched(stop, max(0.0, asked + self._patience - now))
+        self._carry_out(self._watched(stop, patience), lambda _, error, _at: answer(error), now)
 
     def _watched(self, stop: "_FreeStop", patience: float) -> Procedure:
         """Answer when the arm is seen at rest, or in time with what is known; and stop it again while it moves on."""

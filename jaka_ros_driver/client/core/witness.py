@@ -204,11 +204,11 @@ class Witness:
         at = self._open[0].at if is_late else now
         for number, answer in reversed(list(enumerate(self._open))):
             if _passes(before.joint_position, state.joint_position, answer.joints):
+                unseen = [earlier for earlier in self._open[:number] if self._was_never_shown(earlier)]
                 if now - answer.at <= longest:
-                    is_late = is_late and self._was_never_shown(self._open[0])
+                    is_late = is_late and self._open[0] in unseen
                     self._confirmed(answer.asked_at, now)
-                self._open = [earlier for earlier in self._open[:number] if self._was_never_shown(earlier)] + (
-                    self._open[number + 1:])
+                self._open = unseen + self._open[number + 1:]
                 break
         if is_late and (is_new or self.dispute):
             self._open = [answer for answer in self._open if answer.at > at]

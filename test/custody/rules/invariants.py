@@ -202,11 +202,11 @@ class Judge:
 
     def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
         """Note that the driver has read the last bytes of these status frames."""
-        for place, frame in enumerate(frames, 1 - len(frames)):
+        for followers, frame in zip(reversed(range(len(frames))), frames):
             if not frame.is_readable:
                 continue
             self._seen_at = now
-            self.motion.reads_frame(frame, -place, now)
+            self.motion.reads_frame(frame, followers, now)
             if frame.is_old:
                 self._old_until = now + OLD_NEWS
                 self._seen.reads_old_frame(now)

@@ -88,10 +88,11 @@ class ShownRules:
         is_slow = self._network.is_slow(Port.STATUS, False)
         if is_slow and (self._is_unanswered(now) or not self._is_older(state.joint_position, now)):
             return  # without the controller's answers, nothing shows how old a slow feed is
-        if is_slow and self._leads_by_the_arm(now, self._age(state.joint_position, now)):
+        true_age = self._age(state.joint_position, now)
+        if is_slow and self._leads_by_the_arm(now, true_age):
             return
         raise RuleBroken("age" if is_slow else "g", now, "a state is shown as new that the arm was not in within the "
-                         "last %.3f s; it is %.3f s old" % (age, self._age(state.joint_position, now)))
+                         "last %.3f s; it is %.3f s old" % (age, true_age))
 
     def _is_unanswered(self, now: float) -> bool:
         """Return whether the controller's answers do not come, or came late a moment ago."""
