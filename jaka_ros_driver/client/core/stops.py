@@ -79,32 +79,32 @@ class Stops:
 
     def _stop(self, call: Token, now: float) -> None:
         """Send the stop at once; where the port was left to another client, on the connection that is made for it."""
+        answer = _Once(self._actions, call)
         if not self._channel.is_open and self._links.take_port(now):
-            self._carry_out(self._sent_when_connected(call), lambda _, _error, _at: None, now)
+            self._carry_out(self._sent_when_connected(answer),
+                            lambda _, error, _at: answer(error) if error else None, now)
         else:
-            self._send(call, self._patience, now)
+            self._send(answer, self._patience, now)
 
-    def _sent_when_connected(self, call: Token) -> Procedure:
+    def _sent_when_connected(self, answer: "_Once") -> Procedure:
         asked = yield Now()
         yield Until(lambda _now: self._channel.is_open, self._patience)
         now = yield Now()
-        self._send(call, max(0.0, asked + self._patience - now), now)
+        self._send(answer, max(0.0, asked + self._patience - now), now)
 
-    def _send(self, call: Token, patience: float, now: float) -> None:
+    def _send(self, answer: "_Once", patience: float, now: float) -> None:
         """Send the stop; ``patience``: the time that is left to its answer, s."""
         if self._custody.is_free:
-            self._stop_free_arm(call, patience, now)
+            self._stop_free_arm(answer, patience, now)
             return
         is_held_up = self._channel.is_held_up
-        answer = _Once(self._actions, call)
         self._custody.stop_for(answer, now)
         if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
             self._carry_out(self._until(lambda: answer.is_given),
                             lambda _, error, _at: answer(error or self._timeout()), now)
 
-    def _stop_free_arm(self, call: Token, patience: float, now: float) -> None:
+    def _stop_free_arm(self, answer: "_Once", patience: float, now: float) -> None:
         """Stop an arm that this driver does not move: a program, a jog, or servo mode of somebody else."""
-        answer = _Once(self._actions, call)
         stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer,
                          self._see_servo_mode_left)
         try:

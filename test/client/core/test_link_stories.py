@@ -310,6 +310,27 @@ def test_a_stop_takes_the_port_at_once_also_while_a_motion_that_was_stopped_is_w
     assert "stop_program" in story.names()
 
 
+@pytest.mark.parametrize("is_in_custody", [True, False])
+def test_a_stop_that_waits_for_its_port_is_answered_when_the_driver_ends(is_in_custody):
+    story = Story()
+    rival = Rival(story, 0.4).run(8.0)
+    rival.after = 1e9
+    rival.run(12.0)
+    if is_in_custody:
+        story.core.move("move", MOVE, True, story.now)
+        story.run(0.3, move=1.0, inpos=False)
+        story.core.stop("first", story.now)
+    rival.after = 0.0
+    rival.run(0.1, times=1, move=1.0, inpos=False)
+    assert story.core.is_free is not is_in_custody and not story.core.links.is_ready
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert story.error("stop") == "pending"
+    story.core.close(story.now)
+    story.perform()
+    assert isinstance(story.error("stop"), ConnectionLost)
+
+
 def test_a_port_that_nobody_takes_any_more_is_a_port_like_any_other():
     story = Story()
     rival = Rival(story).run(20.0)
