@@ -29,7 +29,7 @@ _LOG = logging.getLogger(__name__)
 _TIMEOUT_S = 1.0
 _MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
 """The beginning of a master's reason for a shutdown: the name of the node that it means (rosmaster.master_api)."""
-_NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
+_OTHERWISE = (ConnectionError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 
 def resolved_node_name(default: str, argv: Sequence[str]) -> str:
@@ -48,21 +48,27 @@ def resolved_node_name(default: str, argv: Sequence[str]) -> str:
 def refuse_second_node(name: str) -> None:
     """Raise AlreadyDriven where a node of this resolved name lives. Call it before ``rospy.init_node``.
 
-    Without a master, or where the node is dead, it does nothing.
+    Without a master, or where the node is dead, it does nothing. What listens at a dead node's address may be another
+    program by then: one that answers otherwise than a node, or by another name, is not this node. One that does not
+    answer at all is taken for it: a process that was stopped (SIGSTOP) goes on later.
     """
     try:
         uri = _ask(rosgraph.get_master_uri(), "lookupNode", name, name)
-        if not isinstance(uri, str) or not uri:
+    except (_NobodyThere, _NoAnswer):
+        return
+    if not isinstance(uri, str) or not uri:
+        return
+    try:
+        pid = _ask(uri, "getPid", name)  # the one question that roscpp and rospy both answer
+        if not isinstance(pid, int) or _ask(uri, "getName", name) not in (name, None):
             return
-        known_as = _ask(uri, "getName", name)
-        if isinstance(known_as, str) and known_as != name:
-            return  # the node of this name has died, and another node has its port now
-        pid = _ask(uri, "getPid", name)
+        state = "pid %d" % pid
     except _NobodyThere:
         return
-    raise AlreadyDriven(
-        "the node %s runs already (%s at %s); a second one of its name would end it. End it first, or give this one "
-        "another name or namespace" % (name, "pid %d" % pid if isinstance(pid, int) else "it does not answer", uri))
+    except _NoAnswer:
+        state = "it does not answer"
+    raise AlreadyDriven("the node %s runs already (%s at %s); a second one of its name would end it. End it first, or "
+                        "give this one another name or namespace" % (name, state, uri))
 
 
 def refuse_shutdown_of_others() -> None:
@@ -82,17 +88,28 @@ def refuse_shutdown_of_others() -> None:
 
 
 def _ask(uri: str, method: str, *arguments: str) -> Any:
-    """Return a master's or node's answer; None for an error or no answer. Raise _NobodyThere where nothing listens."""
+    """Return what a master or node answers, None where that is an error.
+
+    Raises:
+        _NobodyThere: Nothing listens at the address.
+        _NoAnswer: Something listens, and says nothing in time.
+    """
     try:
         with ServerProxy(uri, transport=_ShortTransport()) as proxy:
             code, _, value = getattr(proxy, method)(*arguments)
         return value if code == 1 else None
-    except _NOT_ANSWERED:
+    except _OTHERWISE:
         return None
+    except OSError as error:  # a time limit that has passed: socket.timeout is no TimeoutError before Python 3.10
+        raise _NoAnswer from error
 
 
 class _NobodyThere(Exception):
     """The error that nothing listens at the address."""
+
+
+class _NoAnswer(Exception):
+    """The error that what listens at the address does not answer."""
 
 
 class _ShortTransport(Transport):
