@@ -480,4 +480,16 @@ KEPT: Dict[str, Scenario] = {
         (1.0, "slow_link", {"port": "STATUS", "carries": 0.5, "duration": 8.0}),
         (5.0, "program", {"caller": 0, "steps": (("play", 0.0), ("stop", 0.4))}), (5.4, "stop", {"caller": 9}),
         length=15.0, settings=_SETTINGS, dialect={"stop_ends_program": False}),
+    "a stop that waited for its port and then for a lost reply was answered late": _scenario(
+        (0.5351, "servo_session", {"is_pose": True, "relative": False, "rate": 1.0, "duration": 1.0, "speed": 1.8732,
+                                   "form": "hold", "axis": 4, "burst": False, "leaves": False, "pause": 0.0,
+                                   "caller": 0}),
+        (0.5726, "lose_replies", {"count": 2, "command": "stop_program"}),
+        (1.4396, "cut", {"port": "COMMAND", "driver_learns": True, "controller_learns": False}),
+        (1.775, "stall", {"port": "both", "way": "to controller", "duration": 2.5522}),
+        (4.4873, "stop", {"caller": 0}),
+        length=15.0, settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.9, motion_timeout=300.0,
+                                   jog_timeout=3.0, servo_timeout=2.0, link_loss_stop=0.3),
+        dialect={"second_client": "refused"}, firmware="1.7.1", start="enabled", latency=(0.0001, 0.001), lateness=0.0,
+        has_guard=False, seed=3943280924),
 }

@@ -97,10 +97,11 @@ class Stops:
         if self._custody.is_free:
             self._stop_free_arm(answer, patience, now)
             return
-        is_held_up = self._channel.is_held_up
+        # its reply may come late, behind power_on or as it went out late itself; its caller does not wait for that
+        may_be_late = self._channel.is_held_up or patience < self._patience
         self._custody.stop_for(answer, now)
-        if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
-            self._carry_out(self._until(lambda: answer.is_given),
+        if may_be_late:
+            self._carry_out(self._until(lambda: answer.is_given, patience),
                             lambda _, error, _at: answer(error or self._timeout()), now)
 
     def _stop_free_arm(self, answer: "_Once", patience: float, now: float) -> None:
@@ -137,8 +138,9 @@ class Stops:
                 return
             yield pause(_POLL_PERIOD_S)
 
-    def _until(self, holds: Callable[[], bool]) -> Procedure:
-        return (yield Until(lambda _now: holds(), self._patience))
+    @staticmethod
+    def _until(holds: Callable[[], bool], patience: float) -> Procedure:
+        return (yield Until(lambda _now: holds(), patience))
 
     def _timeout(self) -> ReplyTimeout:
         return ReplyTimeout("stop_program", self._patience)
