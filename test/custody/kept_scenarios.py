@@ -492,4 +492,14 @@ KEPT: Dict[str, Scenario] = {
                                    jog_timeout=3.0, servo_timeout=2.0, link_loss_stop=0.3),
         dialect={"second_client": "refused"}, firmware="1.7.1", start="enabled", latency=(0.0001, 0.001), lateness=0.0,
         has_guard=False, seed=3943280924),
+    "a jog went on while its driver, which had closed the link, waited with a grown pause": _scenario(
+        (0.5, "maintenance", {"every": 2.0, "recovers": False}),
+        (7.5796, "restart", {"down": 0.3, "silent": True}), (8.6651, "feed_repeats", {"frames": 3, "age": 2.0}),
+        (10.0218, "jogging", {"frame": 1, "axis": 4, "velocity": -0.01, "rate": 12.4813, "duration": 2.0,
+                              "then_back": False, "caller": 0}),
+        length=15.0, settings=dict(_SETTINGS, feed_period=0.008, reply_timeout=0.9, jog_timeout=1.0,
+                                   servo_timeout=10.0, link_loss_stop=0.3, power_timeout=30.0, enable_timeout=3.0),
+        dialect={"power_reply_delay": 0.9, "enable_reply_delay": 10.0,
+                 "missing_commands": ["set_network_exception_handle"], "power_delay": 0.5, "enable_delay": 0.3},
+        firmware="1.5.14", start="enabled", latency=(0.0001, 0.0005), lateness=0.002, has_guard=False, seed=9001222),
 }

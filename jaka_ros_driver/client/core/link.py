@@ -107,12 +107,12 @@ class PortLink:
         return now - self._opened_at
 
     def hurry(self, at: float = _NEVER) -> None:
-        """Give way to nobody with the next try: a stop is owed.
+        """Let the next try wait for nobody, and for no grown pause: a stop is owed.
 
         at: The latest time of the try, s.
         """
-        if self._way and self.retry_at != _NEVER:
-            self.retry_at = min(self.retry_at, self._ended_at + self._pause, at)
+        if self.retry_at != _NEVER:
+            self.retry_at = min(self.retry_at, self._ended_at + _FIRST_PAUSE_S, at)
 
     def tick(self, now: float) -> None:
         """Ask for a connection when that is due."""

@@ -251,8 +251,10 @@ class Links:
 
     def take_port(self, now: float) -> bool:
         """Connect at once where the command port was left to another client; return whether it was."""
-        self._command.hurry(now)
-        return self._command.is_left_to_others
+        is_left = self._command.is_left_to_others
+        if is_left:
+            self._command.hurry(now)
+        return is_left
 
     def close(self) -> None:
         """Take note that the driver is about to end."""

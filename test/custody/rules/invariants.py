@@ -22,6 +22,7 @@ from slacks import (
     JOG_BRAKE,
     JOG_LAG,
     JOG_SLACK,
+    JOG_STOP,
     LONGEST_TRAJECTORY,
     LOOK_PERIOD,
     MOVING,
@@ -414,8 +415,10 @@ class Judge:
             if now > max(quiet.since, self._awake_since) + _CYCLE:
                 raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
                     max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))
-        if plant.queue.is_jogging and now > max(self._jog_word_at + self._settings.jog_timeout,
-                                          self._excused_until) + JOG_SLACK:
+        deadline = max(self._jog_word_at + self._settings.jog_timeout, self._excused_until)
+        stopped_at = self._room.stop_executed_at
+        brakes_until = stopped_at + REST_AFTER_STOP if self._jog_word_at < stopped_at < deadline + JOG_STOP else 0.0
+        if plant.queue.is_jogging and now > max(deadline + JOG_SLACK, brakes_until):
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
                 now - self._jog_word_at))
         rests_from = max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE)
@@ -476,7 +479,10 @@ class Judge:
         is_there, away = _is_there(call.command[-1] if call.kind == "path" else call.command, plant)
         # other moves were queued behind it: the arm was at its target, and is at theirs now
         was_passed = self.sent.last_motion > call.number and call.was_there
-        if not is_there and not was_passed:
+        # somebody else moves it from there, and the feed has not told so for less than the age that is promised
+        has_left_unseen = (call.was_there and self._room.mover is not DRIVER
+                           and now - self._true_at <= self._settings.silence_timeout)
+        if not is_there and not was_passed and not has_left_unseen:
             raise RuleBroken("e", now, "%s is completed, and the arm is %s away" % (call, away))
 
     def _scan_calls(self, now: float) -> None:

@@ -18,6 +18,9 @@ REST_AFTER_STOP = 0.6
 the tool at 180 deg/s; the rest is for the wire and the cycles of both sides. seed 95000175 needed 0.52 s."""
 JOG_SLACK = 0.3
 """Time from a jog's deadline to rest, s, the figure in docs/safety.md: at most 0.26 s were needed in 2,300 seeds."""
+JOG_STOP = 0.1
+"""Time from a jog's deadline to the execution of its stop, s, for an arm that brakes longer: 0.35 s where it turned its
+tool at 28 deg/s beside a singularity (seed 9000009)."""
 JOG_LAG = 0.15
 """Time by which an arm follows behind the frames of a jog, s: at most 0.10 s in 2,600 seeds."""
 JOG_BRAKE = 0.1
