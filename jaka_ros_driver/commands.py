@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
-from jaka_ros_driver.state import IoBank, Vector
+from jaka_ros_driver.state import Bank, Vector
 
 TURN_LEVER = 0.1
 """The lever, m, by which a linear speed gives the angular speed of a linear move that states none."""
@@ -264,16 +264,16 @@ class SetCollisionLevel:
 class SetDigitalOutput:
     """The command to switch one digital output; index counts from 0."""
 
-    bank: IoBank
+    bank: Bank
     index: int
     value: bool
 
 
 @dataclass(frozen=True)
 class SetAnalogOutput:
-    """The command to set one analog output, V or mA; index counts from 0."""
+    """The command to set one analog output, V or mA, in a field bus a register; index counts from 0."""
 
-    bank: IoBank
+    bank: Bank
     index: int
     value: float
 
@@ -341,7 +341,7 @@ class Query(enum.Enum):
 class GetDigitalOutput:
     """The question for the value of one digital output. Result: bool."""
 
-    bank: IoBank
+    bank: Bank
     index: int
 
 
@@ -349,7 +349,7 @@ class GetDigitalOutput:
 class GetAnalogOutput:
     """The question for the value of one analog output. Result: float."""
 
-    bank: IoBank
+    bank: Bank
     index: int
 
 
@@ -357,7 +357,7 @@ class GetAnalogOutput:
 class GetDigitalInput:
     """The question for the value of one digital input. Result: bool."""
 
-    bank: IoBank
+    bank: Bank
     index: int
 
 
@@ -365,7 +365,7 @@ class GetDigitalInput:
 class GetAnalogInput:
     """The question for the value of one analog input. Result: float."""
 
-    bank: IoBank
+    bank: Bank
     index: int
 
 

@@ -1,7 +1,7 @@
 """The immutable state of the arm at one moment, in SI units, as decoded from a status frame."""
 import enum
 from dataclasses import dataclass, field
-from typing import Dict, NamedTuple, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple, Union
 
 Vector = Tuple[float, ...]
 
@@ -43,12 +43,15 @@ class IoBank(enum.IntEnum):
 class FieldBus(enum.IntEnum):
     """A field bus on which the controller has terminals, numbered as IoBank (docs/controller-protocol.md section 5.11).
 
-    ``set_io`` and ``get_io`` take none of them.
+    ``set_io`` and ``get_io`` take none of them; a gripper may be on the Modbus.
     """
 
     MODBUS_SLAVE = 4
     PROFINET_SLAVE = 5
     ETHERNET_IP_SLAVE = 6
+
+
+Bank = Union[IoBank, FieldBus]
 
 
 class BusTerminals(NamedTuple):
@@ -86,6 +89,13 @@ class IoState:
     analog_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
     relays: Vector = ()
     field_buses: Dict[FieldBus, BusTerminals] = field(default_factory=dict)
+
+    def values(self, bank: Bank, is_digital: bool, is_output: bool) -> Optional[Vector]:
+        """Return a bank's values, index 0 first; None where the controller does not report the bank."""
+        name = ("digital_" if is_digital else "analog_") + ("outputs" if is_output else "inputs")
+        found: Optional[Vector] = getattr(self, name).get(bank) if isinstance(bank, IoBank) else getattr(
+            self.field_buses.get(bank), name, None)
+        return found
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from jaka_ros_driver import commands
 from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
-from jaka_ros_driver.state import IoBank, RobotState, Vector
+from jaka_ros_driver.state import FieldBus, IoBank, RobotState, Vector
 
 FLOAT32_SLACK = 2e-7
 """Relative excess that a bound such as 265 deg, converted to rad and float32, may have."""
@@ -24,8 +24,9 @@ MASSES = (0.0, 100.0)
 CENTROID_LIMIT = 2.0
 """Largest coordinate, m, of a load's centre of mass: it is not farther from the flange than the arm is long."""
 ANALOG_LIMIT = 1000.0
-"""Largest analog value, V or mA: a hundred times the range of the terminals, because a field bus may use other units.
-"""
+"""Largest analog value, V or mA: a hundred times the range of the terminals, because a module may use other units."""
+REGISTERS = (0, 65535)
+"""Smallest and largest value of a field bus's register, which has 16 bits."""
 TOLERANCES = (0.0, 1.0)
 """Smallest and largest radius, m, of a rounded corner; a larger one is a mistake."""
 IO_INDICES = (0, 1023)
@@ -345,7 +346,17 @@ def _numbers(length: int, bound: float, unit: str) -> Callable[[str, Any], None]
 
 
 def _bank(name: str, value: Any) -> None:
-    _member(name, value, IoBank)
+    if not isinstance(value, FieldBus):
+        _member(name, value, IoBank)
+
+
+def _analog_output(command: commands.SetAnalogOutput, model: ArmModel, state: Optional[RobotState]) -> None:
+    _bank("bank", command.bank)
+    _integer("index", command.index, *IO_INDICES)
+    if isinstance(command.bank, FieldBus):
+        _number("value", command.value, *REGISTERS, "in a register")
+    else:
+        _number("value", command.value, -ANALOG_LIMIT, ANALOG_LIMIT, "V or mA")
 
 
 _CHECKERS: Dict[type, Checker] = {
@@ -373,8 +384,7 @@ _CHECKERS: Dict[type, Checker] = {
     commands.SetHandGuiding: _fields(active=_flag),
     commands.SetCollisionLevel: _fields(level=_whole(0, 5)),
     commands.SetDigitalOutput: _fields(bank=_bank, index=_whole(*IO_INDICES), value=_flag),
-    commands.SetAnalogOutput: _fields(bank=_bank, index=_whole(*IO_INDICES),
-                                      value=_within((-ANALOG_LIMIT, ANALOG_LIMIT), "V or mA")),
+    commands.SetAnalogOutput: _analog_output,
     commands.SetRapidRate: _fields(rate=_within((0.0, 1.0), "")),
     commands.SetFeedPeriod: _fields(period=_within(FEED_PERIODS_S, "s")),
     commands.SetLinkLoss: _fields(seconds=_within(LINK_LOSS_TIMES_S, "s")),

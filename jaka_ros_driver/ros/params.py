@@ -252,8 +252,8 @@ class DriverConfig:
     trajectory_goal_time: float = _number(
         1.0, 0.0, 60.0, "s", "So long after a trajectory's time the arm must rest there. A goal may name another.")
     gripper: Optional[Gripper] = _parameter(
-        None, "keys with values", "", ", ".join(KEYS), "A gripper on digital outputs, with an action for MoveIt "
-        "(gripper.md). Default: none, and no action.", gripper_from)
+        None, "keys with values", "", ", ".join(KEYS), "A gripper on outputs of two states or an analog one, with an "
+        "action for MoveIt (gripper.md). Default: none, and no action.", gripper_from)
     guard_motion: str = _choice(
         _CLIENT.guard_motion, (STOP, WARN, OFF),
         "What is done with a motion that would hit the arm itself or a zone, or cannot be followed. stop: it is "

@@ -26,6 +26,8 @@ from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
 _SAME = 1e-9
+_STOP = 1.5
+"""Largest deceleration of a joint that ``_with_approach`` brings to rest, as a share of speed by time."""
 _WIRE_ROUNDING = 1e-6
 """Excess, rad, over a limit that is allowed, because points come as float32 from some clients."""
 MAX_DELAY_S = 60.0
@@ -95,9 +97,12 @@ def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model:
     if not left:
         return _path_of_no_way(start, trajectory, elapsed, options.start_tolerance)
     if trajectory.points[0].time > since + _SAME:
-        first = TrajectoryPoint(since, *start.state)
-        breaks, coefficients = _through([first, *left], start)
-        path = Path(*_ended(breaks, coefficients, left[-1]), begin=begin)
+        standing = _with_still(start, trajectory.held)
+        first = TrajectoryPoint(since, *standing.state)
+        path = Path(*_ended(*_through([first, *left], standing), left[-1]), begin=begin)
+        fastest = max([abs(start.state.velocity[joint]) for joint in trajectory.held], default=0.0)
+        if fastest > 0.0:
+            path = _with_approach(path, start, since, _STOP * fastest / JOINT_ACCELERATION_CEILING, trajectory.held)
         audit(path, model, options.slows)
         change = np.array([path.at(since).velocity]) - np.array([start.state.velocity])
         audit_changes(np.array([since]), change)
@@ -110,7 +115,7 @@ def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model:
         if late is not None:
             since = late
             path = Path(breaks, coefficients, begin=since)
-    return _led_onto(path, start, since, model, options.slows)
+    return _led_onto(path, start, since, model, options.slows, trajectory.held)
 
 
 # ---- inside ----
@@ -158,6 +163,13 @@ def _ended(breaks: Array, coefficients: Array, last: TrajectoryPoint) -> Tuple[A
     return with_brake(breaks, coefficients, last.velocity, JOINT_ACCELERATION_CEILING)
 
 
+def _with_still(start: PathStart, joints: Sequence[int]) -> PathStart:
+    """Return the start with these joints at rest."""
+    position, *rates = start.state
+    return start._replace(state=JointState(position, *[tuple([
+        0.0 if joint in joints else rate for joint, rate in enumerate(each)]) for each in rates]))
+
+
 def _path_of_no_way(start: PathStart, trajectory: JointTrajectory, elapsed: float, start_tolerance: float) -> Path:
     """Return the path of a plan whose only point is due at its start: the arm is there already, and stays."""
     last = trajectory.points[-1]
@@ -192,37 +204,65 @@ def _late_begin(start: PathStart, trajectory: JointTrajectory, path: Path, since
     return first.time
 
 
-def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool) -> Path:
+def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool, held: Sequence[int]) -> Path:
     """Return the path with the shortest approach onto it that keeps the limits; where none does, one that is slowed."""
     try:
-        return _audited_approach(path, start, since, model, False)
+        return _audited_approach(path, start, since, model, False, held)
     except InvalidTrajectory:
         if not slows:
             raise
-    return _audited_approach(path, start, since, model, True)
+    return _audited_approach(path, start, since, model, True, held)
 
 
-def _audited_approach(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool) -> Path:
+def _audited_approach(path: Path, start: PathStart, since: float, model: ArmModel, slows: bool,
+                      held: Sequence[int]) -> Path:
     on_path = path.at(since)
     away = np.array([start.state.position]) - np.array([on_path.position])
     faster = np.array([start.state.velocity]) - np.array([on_path.velocity])
     if max(float(np.abs(away).max()), float(np.abs(faster).max())) <= _SAME:
         audit(path, model, slows)
         return path
-    error: InvalidTrajectory = InvalidTrajectory("the trajectory ends too soon to be joined from where the arm is")
-    nothing = np.zeros((1, JOINT_COUNT))
+    error: Optional[InvalidTrajectory] = None
     for duration in _APPROACH_TIMES_S:
-        if since + duration > path.end:
-            break
-        approach = quintic(np.array([duration]), (away, faster, nothing), (nothing, nothing, nothing))[0]
-        led = Path(path.breaks, path.coefficients, path.begin, Approach(since, since + duration, approach))
         try:
+            led = _with_approach(path, start, since, duration, held)
             audit(led, model, slows)
+        except _EndsTooSoon as reason:
+            raise error or reason from None
         except InvalidTrajectory as reason:
             error = reason
         else:
             return led
+    assert error is not None
     raise error
+
+
+class _EndsTooSoon(InvalidTrajectory):
+    """The error that a trajectory ends before the arm could be on it."""
+
+
+def _with_approach(path: Path, start: PathStart, since: float, duration: float, held: Sequence[int]) -> Path:
+    """Return the path with what leads from the start at ``since`` onto it within ``duration``, s.
+
+    Joints of ``held`` come to rest in that time and stay there: one that was held where it is while it moves would pass
+    that place, and come back.
+
+    Raises:
+        InvalidTrajectory: The path ends before.
+    """
+    if since + duration > path.end:
+        raise _EndsTooSoon("the trajectory ends too soon to be joined from where the arm is")
+    coefficients, on_path = path.coefficients.copy(), path.at(since)
+    away = np.array([start.state.position]) - np.array([on_path.position])
+    faster = np.array([start.state.velocity]) - np.array([on_path.velocity])
+    for joint in held:
+        faster[0, joint] = start.state.velocity[joint]
+        away[0, joint] = -0.5 * duration * faster[0, joint]
+        coefficients[:, :, joint] = 0.0
+        coefficients[:, 0, joint] = start.state.position[joint] - away[0, joint]
+    nothing = np.zeros((1, JOINT_COUNT))
+    approach = quintic(np.array([duration]), (away, faster, nothing), (nothing, nothing, nothing))[0]
+    return Path(path.breaks, coefficients, path.begin, Approach(since, since + duration, approach))
 
 
 def _check_start(measured: Sequence[float], planned: Sequence[float], tolerance: float) -> None:

@@ -24,6 +24,7 @@ CUSTODY = CORE + SEEDS
 CONVERT = ("test/ros/services/test_convert.py",)
 SERVICES = ("test/ros/services/test_service_handlers.py",)
 RESULTS = ("test/ros/services/test_service_results.py",)
+GRIPPER = ("test/ros/services/test_gripper.py",)
 STAMPS = ("test/ros/topics/test_stamps.py",)
 VELOCITY = ("test/ros/topics/test_velocity.py",)
 REPEATER = ("test/ros/topics/test_state_repeater.py",)
@@ -486,7 +487,18 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("the end of hand guiding waits for the arm", "ros/services/handlers.py",
            "exclusive=active)", "exclusive=True)", SERVICES),
     Mutant("analog inputs are read for outputs", "ros/services/handlers.py",
-           "io.analog_outputs if terminal.is_output else io.analog_inputs", "io.analog_inputs", SERVICES),
+           "terminal.is_digital, terminal.is_output)", "terminal.is_digital, terminal.is_digital)", SERVICES),
+    Mutant("a reading of no gripper is a position", "ros/gripper.py",
+           "if not -_BEYOND <= share <= 1.0 + _BEYOND:", "if False:", GRIPPER),
+    Mutant("a gripper that never left its open end holds a work piece", "ros/gripper.py",
+           "and abs(position - gripper.open_position) > gripper.position_tolerance)", ")", GRIPPER),
+    Mutant("a gripper that stands on its way to open holds a work piece", "ros/gripper.py",
+           "and still >= gripper.gripped_time and is_closing", "and still >= gripper.gripped_time", GRIPPER),
+    Mutant("a gripper that moves holds a work piece", "ros/gripper.py",
+           "self._still_at, self._still_since = position, elapsed", "self._still_at = position", GRIPPER),
+    Mutant("a gripper's place is known though others set its output", "ros/gripper.py",
+           "abs(held[command.index] - command.value) <= _SAME_VALUE", "True", GRIPPER),
+    Mutant("a register is given a fraction", "ros/gripper.py", "float(round(value)) if", "value if", GRIPPER),
     Mutant("a failed call is a success", "ros/services/table.py",
            "return ServiceOutcome(str(error), is_success=False)", "return ServiceOutcome(str(error))", RESULTS),
     Mutant("results beyond float32 are written", "ros/services/table.py",

@@ -134,6 +134,8 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            "return math.inf if beside >= 1.0 else rate", "return rate", RATES),
     Mutant("an overshoot of any size is slowed", "trajectory/rates.py",
            "LARGEST_OVERSHOOT = 1.25", "LARGEST_OVERSHOOT = 9.0", RATES),
+    Mutant("a joint that is not named passes its place and comes back", "trajectory/build.py",
+           "away[0, joint] = -0.5 * duration * faster[0, joint]", "away[0, joint] = 0.0", RATES),
     Mutant("a late plan is cut", "trajectory/build.py",
            "    return first.time\n", "    return None\n", RATES),
     Mutant("a stream passes its last point", "trajectory/follower.py",

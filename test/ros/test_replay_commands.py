@@ -1,5 +1,6 @@
 """The command jaka_bag replay-commands against a live driver: start pose, speed limit, refusal, interruption."""
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -7,6 +8,7 @@ import time
 
 import pytest
 import rosgraph
+import rospy
 from driver_bench import HOME, evidence_of
 from import_graph import ROOT
 from program_places import command_of
@@ -98,6 +100,52 @@ def test_nothing_moves_under_another_condition_than_the_log_tells_of(arm, tmp_pa
     done = replay(log)
     assert done.returncode == 0, done.stderr
     assert "not compared, for it is not told: payload, collision level" in done.stdout
+
+
+@contextlib.contextmanager
+def recorded(arm, path):
+    """Record what the driver publishes; end when all of it is in the file."""
+    recorder = subprocess.Popen([*command_of("jaka_bag"), "record", "--state-log", "-O", str(path)],
+                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        assert eventually(path.with_suffix(".mcap.active").exists)
+        arm.listen("joint_position", 60)
+        yield
+        arm.listen("joint_position", 60)
+    finally:
+        recorder.send_signal(signal.SIGINT)
+        recorder.communicate(timeout=WAIT)
+
+
+def stream(arm, service, poses):
+    """Call servo_j or servo_p for each pose, every 32 ms."""
+    rate = rospy.Rate(1.0 / 0.032)
+    for pose in poses:
+        assert arm.call(service, pose=pose).ret == 1
+        rate.sleep()
+
+
+def test_a_stream_of_servo_calls_gives_the_same_motion_again(arm, tmp_path):
+    golden, candidate = tmp_path / "golden.mcap", tmp_path / "candidate.mcap"
+    stand_at(arm, START)
+    pose = arm.simulator.state()["tcp_pose"]
+    x, y, z, rpy = *(value / 1000.0 for value in pose[:3]), [math.radians(angle) for angle in pose[3:]]
+    swing = [4.0 * part * (1.0 - part) for part in (number / 40 for number in range(41))]
+    with recorded(arm, golden):
+        assert arm.call("servo_move_enable", enable=True).ret == 1
+        stream(arm, "servo_j", [[START[0] + 0.1 * share, *START[1:]] for share in swing])
+        assert arm.call("servo_move_enable", enable=False).ret == 1  # both kinds in one stream are refused
+        assert arm.call("servo_move_enable", enable=True).ret == 1
+        stream(arm, "servo_p", [[x, y, z + 0.03 * share, *rpy] for share in swing])
+        assert arm.call("servo_move_enable", enable=False).ret == 1
+    stand_at(arm, START)
+    with recorded(arm, candidate):
+        done = replay(str(golden))
+    assert done.returncode == 0 and "86 calls made" in done.stdout, done.stdout + done.stderr
+    compared = subprocess.run([
+        *command_of("jaka_bag"), "compare", str(golden), str(candidate), "--tolerances",
+        str(ROOT / "test" / "data" / "busy_host.yaml")], capture_output=True, text=True, timeout=WAIT)
+    assert compared.returncode == 0, compared.stdout + compared.stderr
 
 
 def test_the_speed_limit_slows_every_move(arm):

@@ -3,7 +3,8 @@
 Read in JakaCobot/jaka_robot: src/jaka_msgs (commit 78546d94), jaka_robot_v2.2/src/jaka_msgs (commit bf298daf). The
 fields of ClearError.srv, and the md5 of ClearError, RobotMsg, SetTcpFrame and of the requests of ServoMove and GetFK,
 are those of code that others generated from these packages and published. Public states of the package from 2023-08 to
-2025-07 were seen to have ClearError.srv, and none of them ClearErr.srv.
+2025-07 were seen to have ClearError.srv, and none of them ClearErr.srv. An index of public code has one content of each
+file; of the states beside these two commits it is not known whether each of their files is that one.
 """
 from pathlib import Path
 from typing import Iterable

@@ -1,7 +1,7 @@
 """Paths that pass a limit a little: slowed there on the same way, and refused from a quarter on."""
 import numpy as np
 import pytest
-from plans import ACCELERATION, HOME, MODEL, PERIOD, REST, TOP, at, build, resting, wave
+from plans import ACCELERATION, HOME, MODEL, PERIOD, REST, TOP, at, build, moving, resting, wave
 
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThePast
@@ -125,3 +125,22 @@ def test_joints_that_are_not_named_are_held_where_they_are():
     for time in (0.0, 0.7, 1.0, 2.0):
         assert path.at(time).position[1:3] == pytest.approx((HOME[1] + 0.2, HOME[2] - 0.1))
     assert path.at(1.0).position[0] == pytest.approx(HOME[0] + 0.3)
+
+
+@pytest.mark.parametrize("points", [
+    [at(6.0, (0.3, 9.0, 9.0), REST)], [at(6.0, (0.3, 9.0, 9.0))],
+    [at(0.0, (0.0, 9.0, 9.0), REST), at(6.0, (0.3, 9.0, 9.0), REST)]],
+    ids=["with velocities", "without", "due at once"])
+def test_a_joint_that_moves_and_is_not_named_stops_on_its_way_and_does_not_come_back(points):
+    path = build(points, moving((0.0, 0.2, -0.1), (0.0, 1.0, -0.5)), held=(1, 2))
+    positions, velocities, accelerations = path.samples(np.arange(0.0, path.end, 0.002))
+    assert velocities[0] == pytest.approx((0.0, 1.0, -0.5, 0.0, 0.0, 0.0), abs=1e-6)
+    assert velocities[:, 1].min() > -1e-9 and velocities[:, 2].max() < 1e-9
+    assert 0.0 < positions[-1, 1] - positions[0, 1] < 0.11
+    assert np.abs(accelerations).max() < ACCELERATION * 1.02
+    assert path.at(6.0).position[0] == pytest.approx(HOME[0] + 0.3)
+
+
+def test_a_goal_that_ends_before_the_joints_that_it_does_not_name_can_stop_is_refused():
+    with pytest.raises(InvalidTrajectory, match="ends too soon"):
+        build([at(0.2, (0.01, 9.0), REST)], moving((0.0, 0.2), (0.0, 2.0)), held=(1,))

@@ -1,4 +1,4 @@
-"""The action ``NAME/gripper_cmd`` (control_msgs/GripperCommand) for a gripper on digital outputs, and its joint state.
+"""The action ``NAME/gripper_cmd`` (control_msgs/GripperCommand) for a gripper on outputs, and its joint state.
 
 A goal sets the outputs as ``~set_io`` does. Nothing but a goal sets them: neither a start, a stop, a cancel nor the
 driver's end, so that a work piece is not dropped.
@@ -17,11 +17,11 @@ from jaka_ros_driver.commands import SetAnalogOutput, SetDigitalOutput
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.gripper import Gripper, GripperEnd, Inputs, end_of_goal, position_of, read_inputs
+from jaka_ros_driver.ros.gripper import Gripper, GripperEnd
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.topics.stamps import SampleStamps
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import IoState, RobotState
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,13 +36,13 @@ class _Goal:
 
     Attributes:
         handle: What actionlib knows of it.
-        is_closing: Whether it closes the gripper.
+        aim: Position that is asked for, m or rad.
         ending: Set when the goal is to end before it has arrived; ``why`` says by what.
     """
 
-    def __init__(self, handle: ServerGoalHandle, is_closing: bool) -> None:
+    def __init__(self, handle: ServerGoalHandle, aim: float) -> None:
         self.handle = handle
-        self.is_closing = is_closing
+        self.aim = aim
         self.ending = threading.Event()
         self.why = ""
 
@@ -69,15 +69,18 @@ class GripperJoint:
         self._stamps = stamps
         self._lock = threading.Lock()
         self._assumed: Optional[float] = None
-        self._is_closing = False
+        self._aim = 0.0
         self._published_at = float("-inf")
         self.position: Optional[float] = None
         """The position by the newest frame, m or rad; None where it is not known."""
 
-    def assume(self, position: Optional[float], is_closing: bool) -> None:
-        """Take the position, m or rad, by the end of a goal; None while a goal runs and after one that failed."""
+    def assume(self, position: Optional[float], aim: float) -> None:
+        """Take the position, m or rad, by the end of a goal; None while a goal runs and after one that failed.
+
+        aim: The position, m or rad, for which the goal has set the outputs.
+        """
         with self._lock:
-            self._assumed, self._is_closing = position, is_closing
+            self._assumed, self._aim = position, aim
 
     def arrived(self, state: RobotState, is_new: bool) -> None:
         """Take a status frame, in the client's thread."""
@@ -93,16 +96,15 @@ class GripperJoint:
         self._publish(message)
 
     def _position(self, state: RobotState) -> Optional[float]:
-        try:
-            inputs = read_inputs(self._gripper, state.io)
-        except InvalidCommand:
-            return None  # a goal says so; a line for each frame would not help
         with self._lock:
-            if self._assumed is not None and not self._gripper.outputs_hold(state.io, self._is_closing):
+            if self._assumed is not None and not self._gripper.outputs_hold(state.io, self._aim):
                 _LOG.warning("the gripper's outputs were set by somebody else: where it is is not known by its last "
                              "goal any longer")
                 self._assumed = None
-            return position_of(self._gripper, inputs, self._assumed)
+            try:
+                return self._gripper.position(state.io, self._assumed)
+            except InvalidCommand:
+                return None  # a goal says so; a line for each frame would not help
 
 
 class GripperAction:
@@ -158,7 +160,7 @@ class GripperAction:
         try:
             if self._is_closed:
                 raise InvalidCommand("the driver ends")
-            goal = _Goal(handle, self._gripper.closes(command.position, command.max_effort))
+            goal = _Goal(handle, self._gripper.aim(command.position, command.max_effort))
         except InvalidCommand as error:
             _LOG.info("gripper: %s", error)
             handle.set_rejected(self._result_of(GripperEnd(False, self._joint.position, False, False, "")), str(error))
@@ -192,16 +194,17 @@ class GripperAction:
     def _end_of(self, goal: _Goal) -> Optional[GripperEnd]:
         """Set the outputs, and wait for the end; return it, or None where the goal was ended before."""
         with self._outputs:  # of the goals that come together the newest sets its outputs last
-            for command in self._gripper.commands(goal.is_closing):
+            for command in self._gripper.commands(goal.aim):
                 if goal.ending.is_set():
                     return None
-                self._joint.assume(None, goal.is_closing)
+                self._joint.assume(None, goal.aim)
                 self._set_output(command)
         begun = time.monotonic()
         told_at = begun
+        watch = self._gripper.watch(goal.aim)
         while not goal.ending.wait(_LOOK_S):
             now = time.monotonic()
-            end = end_of_goal(self._gripper, goal.is_closing, self._inputs(begun), now - begun)
+            end = watch(self._terminals(begun), now - begun)
             if end is not None:
                 return end
             if now - told_at >= _FEEDBACK_PERIOD_S:
@@ -210,15 +213,13 @@ class GripperAction:
                     position=math.nan if self._joint.position is None else self._joint.position))
         return None
 
-    def _inputs(self, since: float) -> Optional[Inputs]:
-        """Return what the inputs show in a frame that came after ``since``, monotonic time, s; None without one."""
-        if not self._gripper.has_inputs:
-            return None
+    def _terminals(self, since: float) -> Optional[IoState]:
+        """Return the terminals in a frame that came after ``since``, monotonic time, s; None without one."""
         try:
             state = self._arm.fresh_state()
         except JakaError:
             return None
-        return read_inputs(self._gripper, state.io) if state.received_at > since else None
+        return state.io if state.received_at > since else None
 
     def _finish(self, goal: _Goal, end: Optional[GripperEnd]) -> None:
         """Give the goal its result; ``end`` None is that of one which was ended before it arrived."""
@@ -227,7 +228,7 @@ class GripperAction:
             if is_current:
                 self._current = None
             if is_current and end is not None and end.is_success:
-                self._joint.assume(end.position, goal.is_closing)
+                self._joint.assume(end.position, goal.aim)
         if end is None:
             _LOG.info("gripper: %s", goal.why)
             finish = goal.handle.set_aborted if self._is_closed else goal.handle.set_canceled

@@ -1,7 +1,7 @@
 """The handlers that carry services out with the arm, after a request was decoded to a command."""
 import threading
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Optional, Tuple, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import MotionGuard
@@ -15,7 +15,7 @@ from jaka_ros_driver.ros.convert import Terminal, ToolPayload
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
-from jaka_ros_driver.state import IoBank, RobotState
+from jaka_ros_driver.state import IoBank
 
 _QUERIES: Dict[Tuple[bool, bool], Callable[[IoBank, int], c.Command]] = {
     (True, False): c.GetDigitalInput, (True, True): c.GetDigitalOutput, (False, False): c.GetAnalogInput,
@@ -133,7 +133,7 @@ class ServiceHandlers:
         if self._config.asks_for_terminals:
             return ServiceOutcome(str(terminal), float(self._arm.execute(
                 _QUERIES[terminal.is_digital, terminal.is_output](terminal.bank, terminal.index))))
-        values = _bank_values(self._arm.fresh_state(), terminal)
+        values = self._arm.fresh_state().io.values(terminal.bank, terminal.is_digital, terminal.is_output)
         if values is not None:
             if terminal.index >= len(values):
                 raise InvalidCommand("index is %d; valid: 0 to %d" % (terminal.index, len(values) - 1))
@@ -235,13 +235,3 @@ class ServiceHandlers:
 def _with(text: str, besides: str) -> ServiceOutcome:
     """Return the outcome with what else was done, "" for nothing."""
     return ServiceOutcome("%s; %s" % (text, besides) if besides else text)
-
-
-def _bank_values(state: RobotState, terminal: Terminal) -> Union[Sequence[float], None]:
-    io = state.io
-    banks: Mapping[IoBank, Sequence[float]]
-    if terminal.is_digital:
-        banks = io.digital_outputs if terminal.is_output else io.digital_inputs
-    else:
-        banks = io.analog_outputs if terminal.is_output else io.analog_inputs
-    return banks.get(terminal.bank)

@@ -14,7 +14,8 @@ from waiting import eventually
 
 EXAMPLES = import_graph.ROOT / "docs" / "examples"
 TESTED = {"move_and_stop.py", "stream_servo_targets.py", "follow_trajectory.py", "read_log_into_numpy.py",
-          "simulator_in_a_test.py"}
+          "simulator_in_a_test.py", "move_gripper.py"}
+"""The last is run with its page by test_width_gripper_live.py."""
 PATIENCE_S = 90.0
 
 

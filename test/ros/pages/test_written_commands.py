@@ -225,6 +225,9 @@ def check(words, written, target=""):
         service_called(rest)
     elif program == "rostopic":
         topic_used(rest)
+    elif program == "rosparam":
+        if rest[0] != "load" or not (ROOT / rest[1]).is_file():
+            raise Wrong("rosparam %s" % rest)
     elif program in ("rosmsg", "rossrv", "rospack"):
         shell(" ".join(words))
         return "run"

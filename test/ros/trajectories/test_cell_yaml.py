@@ -4,8 +4,10 @@ import math
 
 import pytest
 import rospy
-from action_bench import CONTROLLER, NAMES, START, Client, goal_of, point
+from action_bench import CONTROLLER, NAMES, START, Client, goal_of, point, trajectory
 from driver_bench import SimulatorProcess
+from trajectory_msgs.msg import JointTrajectory
+from waiting import eventually
 
 REST = [0.0] * 6
 
@@ -33,3 +35,18 @@ def test_a_goal_for_some_joints_holds_the_others(cell):
         wanted[0] += 0.3
         wanted[4] -= 0.2
         assert reached == pytest.approx(wanted, abs=1e-4)
+
+
+def test_a_message_for_some_joints_stops_the_others_on_their_way(cell):
+    publisher = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
+    assert eventually(lambda: publisher.get_num_connections())
+    with contextlib.closing(Client()) as client:
+        running = client.send(goal_of([point(4.0, [q + 0.8 for q in START], REST)]))
+        assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 1.5)
+        publisher.publish(trajectory([point(4.0, [START[4]], REST[:1])], ["joint_5"]))
+        assert client.end(running)[0] == "PREEMPTED"
+        taken_over = client.feedback[-1].desired.positions[0]
+        assert eventually(lambda: not cell.simulator.state()["is_servo_active"])
+    reached = [math.radians(q) for q in cell.simulator.state()["joint_position"]]
+    assert reached[4] == pytest.approx(START[4], abs=1e-4)
+    assert taken_over < reached[0] < START[0] + 0.8, "it goes on a little, and does not come back"

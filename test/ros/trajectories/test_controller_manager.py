@@ -6,9 +6,13 @@ joint_trajectory_controller.py and joint_limits_urdf.py, with ros-controls/ros_c
 controller_manager_msgs/utils.py; moveit/moveit, moveit_plugins/moveit_ros_control_interface/src/
 controller_manager_plugin.cpp. Commits: bbd6f96, 4508d87, 5dbe67e, ee42c7c.
 """
+import ast
 import contextlib
 import math
+import os
 import socket
+import subprocess
+import sys
 import time
 import types
 from xml.dom import minidom
@@ -19,6 +23,8 @@ import rospy
 import rosservice
 from action_bench import CONTROLLER, NAMES, START, Client, goal_of, point, smooth
 from driver_bench import Arm, DriverProcess, SimulatorProcess, on
+from import_graph import ROOT
+from page_commands import blocks
 from trajectory_msgs.msg import JointTrajectory
 from waiting import WAIT, eventually
 
@@ -226,6 +232,15 @@ def test_query_state_foretells_where_the_arm_will_be_and_refuses_what_it_does_no
     assert eventually(lambda: after(1.0))
     with pytest.raises(rospy.ServiceException, match="held its position only since"):
         query(rospy.Time(1))
+
+
+def test_the_programs_of_the_page_run_as_they_stand(arm):
+    asking, listing = [block.text for block in blocks(ROOT / "docs" / "trajectories.md") if block.language == "python"]
+    for text, printed in ((asking, pytest.approx(START, abs=1e-4)), (listing, [(NAME, "running")])):
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=WAIT,
+                              env=dict(os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), *sys.path])))
+        assert done.returncode == 0, done.stderr
+        assert ast.literal_eval(done.stdout) == printed
 
 
 def test_unless_it_is_asked_for_it_comes_when_a_real_one_would_be_there(ros_node):

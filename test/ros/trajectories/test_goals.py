@@ -17,7 +17,6 @@ from jaka_regression.host_watch import HostWatch
 from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 
 INVALID_GOAL, INVALID_JOINTS, OLD, PATH, GOAL = -1, -2, -3, -4, -5
-NAN = float("nan")
 REST = [0.0] * 6
 LIMIT = 4.0 * math.pi
 
@@ -96,9 +95,9 @@ MALFORMED = {
     "five velocities": (lambda: goal_of([point(1.0, START, REST[:5])]), INVALID_GOAL),
     "five accelerations": (lambda: goal_of([point(1.0, START, REST, REST[:5])]), INVALID_GOAL),
     "accelerations without velocities": (lambda: goal_of([point(1.0, START, (), REST)]), INVALID_GOAL),
-    "a position is NaN": (lambda: goal_of([point(1.0, other(START, 2, NAN), REST)]), INVALID_GOAL),
+    "a position is NaN": (lambda: goal_of([point(1.0, other(START, 2, math.nan), REST)]), INVALID_GOAL),
     "a position is infinite": (lambda: goal_of([point(1.0, other(START, 2, math.inf))]), INVALID_GOAL),
-    "a velocity is NaN": (lambda: goal_of([_far(1.0, velocities=other(REST, 0, NAN)), _far(2.0)]), INVALID_GOAL),
+    "a velocity is NaN": (lambda: goal_of([_far(1.0, velocities=other(REST, 0, math.nan)), _far(2.0)]), INVALID_GOAL),
     "an acceleration is infinite": (
         lambda: goal_of([point(1.0, START, REST, other(REST, 5, -math.inf)), _far(2.0)]), INVALID_GOAL),
     "a position of 1e38": (lambda: goal_of([point(1.0, other(START, 0, 1e38), REST)]), INVALID_GOAL),
@@ -125,7 +124,7 @@ MALFORMED = {
     "it starts in an hour": (lambda: goal_of([_far(1.0)], stamp=rospy.Time.now() + rospy.Duration(3600.0)),
                              INVALID_GOAL),
     "a tolerance of a foreign joint": (lambda: goal_of([_far(1.0)], path=[("rail", 0.1)]), INVALID_JOINTS),
-    "a tolerance is NaN": (lambda: goal_of([_far(1.0)], end=[("joint_1", NAN)]), INVALID_GOAL),
+    "a tolerance is NaN": (lambda: goal_of([_far(1.0)], end=[("joint_1", math.nan)]), INVALID_GOAL),
 }
 
 
@@ -150,8 +149,7 @@ def test_a_plan_takes_its_time_whatever_the_spacing_of_its_points(arm, client, l
     assert 150 <= len(path) - 1 <= 252 and 1.85 < path[-1][0] - path[0][0] < 2.8 + stood_still
     assert path[-1][1] == pytest.approx(plan[-1].positions, abs=1e-6)
     assert largest_acceleration(path) < LIMIT
-    ends = [handle for handle, _ in client.ends]
-    assert len(ends) == 1
+    assert len(client.ends) == 1
 
 
 def test_joints_come_in_any_order(arm, client):
@@ -179,8 +177,7 @@ def test_a_cancelled_goal_comes_to_rest_smoothly_and_is_preempted(arm, client, l
 
 
 def test_feedback_tells_desired_actual_and_error(arm, client):
-    handle = client.send(goal_of(smooth(0.8, 1.5, 0.05)))
-    assert client.end(handle)[0] == "SUCCEEDED"
+    assert client.run(goal_of(smooth(0.8, 1.5, 0.05)))[0] == "SUCCEEDED"
     told = [f for f in client.feedback if 0.2 < f.desired.time_from_start.to_sec() < 1.3]
     assert len(told) >= 5
     for one in told:
@@ -218,11 +215,25 @@ def test_topic_and_action_replace_each_other(arm, client, command):
     assert client.run(goal_of([point(1.5, [q + 0.1 for q in START], REST)]))[0] == "SUCCEEDED" and rests_at(arm, 0.1)
 
 
-def test_an_empty_message_preempts_a_goal(arm, client, command):
+def test_a_message_replaces_one_that_runs_and_an_old_one_does_not(arm, command, log_file):
+    since = now()
+    command.publish(trajectory(smooth(0.8, 2.0, 0.05)))
+    assert eventually(arm.simulator.is_moving)
+    command.publish(trajectory([_far(0.5, way=-0.3)], stamp=rospy.Time.now() - rospy.Duration(3.0)))
+    time.sleep(0.5)  # what must not come has no other sign
+    command.publish(trajectory([point(1.5, [q + 0.2 for q in START], REST)]))
+    assert rests_at(arm, 0.2)
+    assert min(joints[0] for _, joints in all_frames(log_file, since)) > START[0] - 1e-6
+
+
+def test_an_empty_message_preempts_a_goal(arm, client, command, log_file):
+    since = now()
     goal = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
     assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
     command.publish(trajectory([]))
     assert client.end(goal)[0] == "PREEMPTED" and not arm.simulator.is_moving()
+    way = [joints[0] for _, joints in all_frames(log_file, since)]
+    assert way == sorted(way) and way[0] < way[-1] < START[0] + 1.2, "it brakes on its way, and does not go back"
 
 
 def test_an_old_goal_is_rejected_and_the_running_one_goes_on(arm, client):
@@ -233,11 +244,14 @@ def test_an_old_goal_is_rejected_and_the_running_one_goes_on(arm, client):
     assert client.end(running)[0] == "SUCCEEDED"
 
 
-def test_an_empty_goal_ends_what_is_under_way_and_succeeds_at_rest(arm, client):
+def test_an_empty_goal_ends_what_is_under_way_and_succeeds_at_rest(arm, client, command):
     first = client.send(goal_of(smooth(1.2, 2.0, 0.05)))
     assert eventually(lambda: client.feedback)
     assert client.run(goal_of([]))[0] == "SUCCEEDED"
     assert client.end(first)[0] == "PREEMPTED" and not arm.simulator.is_moving()
+    command.publish(trajectory([point(5.0, [q + 1.2 for q in START], REST)]))
+    assert eventually(arm.simulator.is_moving) and client.run(goal_of([]))[0] == "SUCCEEDED"
+    assert not arm.simulator.is_moving() and arm.simulator.state()["joint_position"][0] < math.degrees(START[0] + 1.1)
 
 
 def test_a_goal_starts_at_its_stamp(arm, client, log_file):
@@ -349,8 +363,11 @@ def test_a_goal_and_a_cancel_in_one_instant_are_both_served(arm, client, first):
 
 
 def test_points_of_negative_time_are_past(arm, client):
-    state, result = client.run(goal_of([point(-0.1, [q + 1.0 for q in START], REST), _far(1.0, way=0.1)]))
-    assert state == "SUCCEEDED", result.error_string
+    running = client.send(goal_of(smooth(0.8, 2.0, 0.05)))
+    assert eventually(lambda: client.feedback)
+    state, result = client.run(goal_of([point(-0.1, [q + 1.0 for q in START], REST), _far(1.5, way=0.1)]))
+    assert state == "SUCCEEDED" and client.end(running)[0] == "PREEMPTED", result.error_string
+    assert rests_at(arm, 0.1)
 
 
 # ---- speed ----
@@ -538,6 +555,10 @@ def test_the_state_topic_tells_what_is_desired_at_50_hz(arm, client):
                                   states.append)
     assert eventually(lambda: len(states) > 5)
     assert list(states[-1].desired.positions) == pytest.approx(START, abs=1e-4)
+    held = states[-1]
+    assert held.joint_names == NAMES and not held.actual.accelerations and not held.error.accelerations
+    assert {len(values) for one in (held.desired, held.actual, held.error)
+            for values in (one.positions, one.velocities, held.desired.accelerations)} == {6}
     del states[:]
     begun = now()
     client.run(goal_of(smooth(0.5, 1.0, 0.05)))

@@ -4,7 +4,7 @@ Each returns a sentence for the user, which also says what else was changed.
 """
 import logging
 import math
-from typing import Any, Callable, Dict, Optional, Sequence, Type, Union
+from typing import Any, Callable, Optional, Sequence, Type, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -12,7 +12,7 @@ from jaka_ros_driver.client.core.contradictions import require_drives
 from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
-from jaka_ros_driver.state import IoBank, RobotState, Vector
+from jaka_ros_driver.state import RobotState, Vector
 
 _TIMEOUT_S = 2.0
 _LENGTH_TOLERANCE = 1e-5
@@ -100,13 +100,13 @@ def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:
 
 def set_digital_output(core: ArmCore, command: c.SetDigitalOutput) -> Procedure:
     """Switch an output and check that it is switched, and no other in its place; raise as ``set_tool_frame`` does."""
-    told = yield from _set_output(core, command, lambda s: s.io.digital_outputs, c.GetDigitalOutput, 0.0)
+    told = yield from _set_output(core, command, c.GetDigitalOutput, 0.0)
     return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
 def set_analog_output(core: ArmCore, command: c.SetAnalogOutput) -> Procedure:
     """Set an output and check that it is set, and no other in its place; raise as ``set_tool_frame`` does."""
-    told = yield from _set_output(core, command, lambda s: s.io.analog_outputs, c.GetAnalogOutput, _ANALOG_TOLERANCE)
+    told = yield from _set_output(core, command, c.GetAnalogOutput, _ANALOG_TOLERANCE)
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
@@ -188,7 +188,6 @@ def _await_feed(core: ArmCore, holds: Callable[[RobotState], bool],
 
 
 def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOutput],
-                banks_of: Callable[[RobotState], Dict[IoBank, Vector]],
                 query: Type[Union[c.GetDigitalOutput, c.GetAnalogOutput]], tolerance: float) -> Procedure:
     """Set the output and check it in the status feed, or ask where the feed does not carry the output.
 
@@ -198,7 +197,7 @@ def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOut
     index, value = command.index, float(command.value)
 
     def held_by(state: RobotState) -> Vector:
-        return banks_of(state).get(command.bank, ())
+        return state.io.values(command.bank, isinstance(command, c.SetDigitalOutput), True) or ()
 
     def holds(state: RobotState, place: int) -> bool:
         held = held_by(state)
