@@ -477,6 +477,50 @@ def test_a_stream_of_points_into_the_arm_itself_is_held_before_it():
     assert near_its_margin(arm)
 
 
+WALL = workspace_of({"keep_out": [{"name": "wall", "centre": [0.417, 0.262, 0.3], "size": [0.5, 0.2, 0.6]}]})
+"""A wall beside the flange of an arm at HOME, some mm farther away than the margin, towards the base's y."""
+BASE, JOINT, TOOL_FRAME = c.JogFrame.BASE, c.JogFrame.JOINT, c.JogFrame.TOOL
+
+
+@pytest.mark.parametrize("frame, axis, velocity, has_user", [
+    (JOINT, 0, 0.3, False), (BASE, 1, 0.25, False), (BASE, 0, 0.25, True), (TOOL_FRAME, None, 0.25, False)])
+def test_a_jog_that_begins_beside_a_wall_is_refused_towards_it_and_goes_away_from_it(frame, axis, velocity, has_user):
+    arm = simulated(workspace=WALL)
+    guard = MotionGuard(MODEL, WALL)
+    assert DEFAULT_MARGIN < guard.nearest(HOME).distance < DEFAULT_MARGIN + 0.012
+    if has_user:
+        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    if axis is None:  # the axis of the tool that lies along the base's y, and its sense
+        along = forward(MODEL, HOME)[3:6]
+        axis = max(range(3), key=lambda n: abs(along[n]))
+        velocity = math.copysign(velocity, along[axis])
+    error = arm.ended(arm.begin("jog", c.Jog(frame, axis, velocity)))
+    assert re.match(r"refused: where the jog would lead, the \S.* keep-out box 'wall'", str(error)), error
+    assert "jog" not in names(arm) and arm.core.is_free
+    assert arm.ended(arm.begin("jog", c.Jog(frame, axis, -velocity))) is None
+    arm.run(0.2)
+    assert guard.nearest(arm.joints).distance > guard.nearest(HOME).distance + 0.003
+
+
+def test_a_jog_whose_direction_cannot_be_known_is_watched_by_the_feed_alone():
+    arm = simulated(workspace=WALL)
+    arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), exclusive=True)
+    arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    arm.core.custody.motion_check.tools = None
+    assert arm.ended(arm.begin("jog", c.Jog(BASE, 0, 0.05))) is None
+    arm.until(lambda: arm.core.is_free)
+    assert arm.times_of("stop_program") and MotionGuard(MODEL, WALL).nearest(arm.joints).distance > 0.005
+
+
+def test_a_jog_beside_a_wall_goes_where_that_is_only_logged():
+    arm = simulated(workspace=WALL, guard_motion="warn")
+    told, log = [], arm.core.actions.log
+    arm.core.actions.log = lambda level, text: (told.append(text), log(level, text))
+    assert arm.ended(arm.begin("jog", c.Jog(BASE, 1, 0.25))) is None
+    arm.run(0.3)
+    assert sum("'wall'" in text for text in told) == 1
+
+
 def test_a_look_while_it_moves_takes_few_distances_or_says_that_it_would_need_more():
     rings = [{"name": "ring %d" % n, "foot": [0.0, 0.0, -1.0], "height": 4.0, "radius": 0.2 + 0.01 * n}
              for n in range(50)]

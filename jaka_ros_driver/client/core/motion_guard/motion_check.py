@@ -16,11 +16,11 @@ from jaka_ros_driver.client.core.motion_guard.line_walk import LineWalk, corner_
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
 from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, PathCommand, Pose
+from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMove, PathCommand, Pose
 from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
-from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
-from jaka_ros_driver.kinematics.rotations import Transform
+from jaka_ros_driver.kinematics.rotations import Transform, compose, matrix_from_rotation_vector, transform
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import Path
 
@@ -30,6 +30,8 @@ _SAMPLE_PERIOD_S = 0.04
 """Longest time, s, between two places of a trajectory that are joined by a straight line in joint space: at the highest
 acceleration a joint is at most 3 mrad beside it.
 """
+_STEP_S = 0.01
+"""Time, s, over which the joints' speeds at the begin of a jog of the tool are measured."""
 _SAMPLES_AT_ONCE = 4096
 """Places of a trajectory that are held at once: a day of it has two millions."""
 
@@ -115,6 +117,31 @@ class MotionCheck:
         if trouble:
             self._log_sent(trouble)
         return ends[-1]
+
+    def jog_speeds(self, command: Jog, state: RobotState) -> Optional[Vector]:
+        """Return the joints' speeds, rad/s (6,), with which a jog begins; None where they are not known.
+
+        They are not where the frames are not known, or the tool cannot go on in this direction.
+        """
+        one = [command.velocity if axis == command.axis else 0.0 for axis in range(JOINT_COUNT)]
+        if command.frame is JogFrame.JOINT:
+            return tuple(one)
+        place = self.place_of(state)
+        if place.frames is None:
+            self._tell_unknown_frames()
+            return None
+        step = transform(matrix_from_rotation_vector([_STEP_S * part for part in one[3:]]),
+                         tuple([_STEP_S * part for part in one[:3]]))
+        tool = place.frames.tool_at(self._model, state.joint_position)
+        if command.frame is JogFrame.TOOL:
+            moved = compose(tool, step)
+        else:
+            moved = transform(compose(step, tool)[:9], tuple([a + b for a, b in zip(tool[9:], step[9:])]))
+        try:
+            reached = inverse(self._model, place.frames.flange_of(moved), state.joint_position)
+        except UnreachablePose:
+            return None
+        return tuple([(new - old) / _STEP_S for new, old in zip(reached, state.joint_position)])
 
     def pose_look(self, state: RobotState, look: Look) -> Callable[[Pose], str]:
         """Return the look at the targets of a stream of poses, which follows them from an arm at rest.

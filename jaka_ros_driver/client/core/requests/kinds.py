@@ -9,6 +9,7 @@ from jaka_ros_driver.client.core.actions import Actions, Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.jog import JogMotion
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.motion_guard.feed_watch import way_ahead
 from jaka_ros_driver.client.core.motion_guard.motion_check import StartPlace
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
@@ -241,7 +242,12 @@ class JogRequest(_MotionRequest):
         return False
 
     def begin(self, now: float) -> None:
-        self._arm.custody.begin(JogMotion(self._arm.custody, self._command, self.call), now)
+        custody, state = self._arm.custody, self._state(now)
+        look, speeds = custody.motion_check.look(), custody.motion_check.jog_speeds(self._command, state)
+        trouble = "" if speeds is None else look(way_ahead(state.joint_position, speeds))
+        if trouble:
+            raise InvalidCommand("refused: where the jog would lead, " + trouble)
+        custody.begin(JogMotion(custody, self._command, self.call, look), now)
 
 
 class ServoModeRequest(_MotionRequest):
