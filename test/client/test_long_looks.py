@@ -61,18 +61,3 @@ def test_a_stop_beside_the_longest_look_is_on_the_wire_at_once_and_the_feed_is_r
     assert isinstance(error, MotionInterrupted) and "it was asked for before the stop" in str(error), error
     stop.join()
     assert not one.times_of("joint_move") and not one.times_of("servo_j")
-
-
-def test_a_move_behind_one_that_is_looked_at_keeps_its_place_in_the_queue(bench):
-    one = bench()
-    arm = one.connect(workspace=LARGEST)
-    begin, angles = HOME[0], [-0.25, -0.4, -0.39]
-    places = [(begin + angle,) + HOME[1:] for angle in angles]
-    arm.queue(c.JointMove(places[0], 0.05, 2.0))
-    long_look = InBackground(arm.queue, c.JointMove(places[1], 1.0, 4.0))
-    assert eventually(lambda: arm._core._admission.is_setting)
-    behind = InBackground(arm.queue, c.JointMove(places[2], 1.0, 4.0))
-    behind.join().result(60.0)
-    long_look.join().result(60.0)
-    targets = [request["jointPosition"][0] for _, request in one.received() if request["cmdName"] == "joint_move"]
-    assert targets == pytest.approx([math.degrees(place[0]) for place in places], abs=1e-3)

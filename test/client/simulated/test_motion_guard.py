@@ -521,10 +521,27 @@ def test_a_jog_beside_a_wall_goes_where_that_is_only_logged():
     assert sum("'wall'" in text for text in told) == 1
 
 
+RINGS = workspace_of({"cylinders": [
+    {"name": "ring %d" % n, "foot": [0.0, 0.0, -1.0], "height": 4.0, "radius": 0.2 + 0.01 * n} for n in range(50)]})
+"""Cylinders around the axis of joint 1, in which the arm stands: it may turn about it, and each turn is a long look."""
+
+
+def test_a_move_behind_one_that_is_looked_at_keeps_its_place_in_the_queue():
+    arm = simulated(workspace=RINGS)
+    places = [(HOME[0] + angle,) + HOME[1:] for angle in (-0.2, -0.7, -0.22)]
+    first = arm.begin("move", c.JointMove(places[0], 0.05, 2.0), False)
+    assert arm.until(lambda: first.is_over) and first.error is None
+    second = arm.begin("move", c.JointMove(places[1], 1.0, 4.0), False)
+    assert not second.is_over, "it is being looked at"
+    third = arm.begin("move", c.JointMove(places[2], 1.0, 4.0), False)
+    arm.until(lambda: arm.core.is_free)
+    assert second.error is None and third.error is None
+    targets = [request["jointPosition"][0] for _, request in arm.sent if request["cmdName"] == "joint_move"]
+    assert targets == pytest.approx([math.degrees(place[0]) for place in places], abs=1e-3)
+
+
 def test_a_look_while_it_moves_takes_few_distances_or_says_that_it_would_need_more():
-    rings = [{"name": "ring %d" % n, "foot": [0.0, 0.0, -1.0], "height": 4.0, "radius": 0.2 + 0.01 * n}
-             for n in range(50)]
-    arm = simulated(workspace=workspace_of({"cylinders": rings}))
+    arm = simulated(workspace=RINGS)
     check = arm.core.custody.motion_check
     looks, ends = [], check._guard._ends
     check._guard._ends = lambda *of: looks.append(of) or ends(*of)
