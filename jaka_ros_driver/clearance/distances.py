@@ -57,15 +57,22 @@ def segment_distance(p1: Vector3, q1: Vector3, p2: Vector3, q2: Vector3) -> floa
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-def lowest_on_segment(signed: SignedDistance, p: Vector3, q: Vector3) -> float:
-    """Return the lowest signed distance, m, of the points of the segment p q, by golden-section search."""
+def lowest_on_segment(signed: SignedDistance, p: Vector3, q: Vector3, enough: float = math.inf) -> float:
+    """Return the lowest signed distance, m, of the points of the segment p q, by golden-section search.
+
+    enough: m; a lower bound that is above it is returned as soon as it is known.
+    """
     px, py, pz = p
     ux, uy, uz = q[0] - px, q[1] - py, q[2] - pz
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
     low, high = 0.0, 1.0
     s, t = 1.0 - _GOLDEN, _GOLDEN
     at_s = signed(px + s * ux, py + s * uy, pz + s * uz)
     at_t = signed(px + t * ux, py + t * uy, pz + t * uz)
     for _ in range(_STEPS):
+        bound = min(at_s, at_t) - (high - low) * length  # no signed distance changes faster than its point moves
+        if bound > enough:
+            return bound
         if at_s < at_t:
             high, t, at_t = t, s, at_s
             s = high - _GOLDEN * (high - low)

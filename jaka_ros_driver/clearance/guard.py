@@ -4,8 +4,8 @@ A path is followed by conservative advancement: each pair's distance, divided by
 approach each other, says how far the path is clear without a look.
 """
 import math
-from dataclasses import dataclass
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Any, Callable, Generator, Iterable, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
 
 import numpy as np
 
@@ -35,6 +35,19 @@ _SAME = 1e-7
 """Difference, m, of distances that count as equal, so that rounding makes nothing worse."""
 _FIRST_ZONED_FRAME = 2
 """First frame whose capsules zones concern: base and shoulder stand where they are bolted."""
+
+MOST_WORK = 1_000_000
+"""Largest work of one path: some seconds. A joint move over the whole range of a large arm needs a hundredth of it."""
+_LOOK_WORK = 10
+"""The work of one look beside its distances: the places of all capsules."""
+_SEGMENTS_AT_ONCE = 64
+"""Segments of a path of which those pairs are left out together that stay far from each other on all of them."""
+_TOO_MUCH = ("the motion guard ends its look, which would be too long: it has taken %d distances of parts that are "
+             "near all the way; send it in parts, or keep fewer zones")
+
+T = TypeVar("T")
+Looks = Generator[int, None, T]
+"""A look in steps, so that a caller need not wait for all of it at once: it yields the work of each step."""
 
 _Ends = Sequence[Tuple[Vector3, Vector3]]
 _Gap = Callable[[_Ends, float], float]
@@ -74,6 +87,17 @@ class _Check(NamedTuple):
     second: str
     gap: _Gap
     reach: Vector
+
+
+def to_the_end(looks: Looks[T], check: Callable[[], None] = lambda: None) -> T:
+    """Return the result of a look; what ``check`` raises, which is called after each step, ends it."""
+    while True:
+        try:
+            next(looks)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+        check()
 
 
 class MotionGuard:
@@ -117,50 +141,94 @@ class MotionGuard:
             return ""
         return self._reason(lowest, self._checks[gaps.index(lowest)])
 
-    def first_trouble(self, joints: Sequence[Vector]) -> Optional[PathTrouble]:
+    def first_trouble(self, joints: Sequence[Vector], most: int = MOST_WORK) -> Optional[PathTrouble]:
         """Return the first trouble on a path that is straight in joint space between its points; None if it is clear.
+
+        Args:
+            joints: The points of the path, rad, each of shape (6,).
+            most: The largest work; a path that needs more is in trouble where that was done.
+        """
+        return to_the_end(self.looks([np.array(joints, dtype=float)] if joints else [], most))
+
+    def looks(self, pieces: Iterable["np.ndarray[Any, Any]"], most: int = MOST_WORK) -> Looks[Optional[PathTrouble]]:
+        """Look along a path; return its first trouble.
 
         Of a pair that begins nearer than the margin, only what comes nearer still is trouble. Between two looks no two
         capsules come closer to each other by more than what both leave free, or by ``FINEST_STEP``.
 
         Args:
-            joints: The points of the path, rad, each of shape (6,).
+            pieces: The points of the path, rad, arrays of shape (n, 6); each piece begins where the one before ends.
+            most: As of ``first_trouble``.
+
+        Yields:
+            The work of each step; a distance is 1.
         """
-        if not joints:
-            return None
-        points = np.array(joints, dtype=float)
-        if not np.isfinite(points).all():
-            raise InvalidCommand("the path has joint angles that are not finite")
-        steps = np.abs(np.diff(points, axis=0)) @ self._reach
-        far = self._margin + min(_FARTHEST, float(steps.sum(axis=0).max()))
-        approaches = steps.tolist()
-        gaps = self._gaps(joints[0], far)
-        floors = [min(self._margin, gap - _SAME) for gap in gaps]
-        slacks = [gap - floor for gap, floor in zip(gaps, floors)]
-        for index, approach in enumerate(approaches):
-            begun, share = joints[index], 0.0
-            ways = list(zip(begun, joints[index + 1]))
-            fastest = max(approach)
+        floors, slacks, before, work = np.empty(0), np.empty(0), 0, 0
+        for points in pieces:
+            if not np.isfinite(points).all():
+                raise InvalidCommand("the path has joint angles that are not finite")
+            for first in range(0, max(1, len(points) - 1), _SEGMENTS_AT_ONCE):
+                part = points[first:first + _SEGMENTS_AT_ONCE + 1]
+                ways = np.abs(np.diff(part, axis=0))
+                approach = ways.sum(axis=0) @ self._reach
+                far = self._margin + (_FARTHEST if first or len(points) > len(part)
+                                      else min(_FARTHEST, float(approach.max())))
+                if not floors.size:
+                    gaps = np.array(self._gaps(tuple(part[0].tolist()), far))
+                    floors = np.minimum(self._margin, gaps - _SAME)
+                    slacks = gaps - floors
+                    work += len(self._checks)
+                    yield len(self._checks)
+                near = np.flatnonzero(slacks < approach).tolist()
+                if near:
+                    found = yield from self._looks_at(near, part.tolist(), ways, (floors, slacks), far, most - work)
+                    if isinstance(found, PathTrouble):
+                        return replace(found, index=before + found.index, reason=found.reason or _TOO_MUCH % most)
+                    work += found
+                far_ones = np.ones(len(slacks), dtype=bool)
+                far_ones[near] = False
+                slacks[far_ones] -= approach[far_ones]
+                before += len(part) - 1
+                yield 1
+        return None
+
+    def _looks_at(self, near: List[int], points: List[List[float]], ways: "np.ndarray[Any, Any]",
+                  bounds: Tuple["np.ndarray[Any, Any]", "np.ndarray[Any, Any]"], far: float,
+                  most: int) -> Looks[Union[PathTrouble, int]]:
+        """Look at those pairs that can come near on a part of a path; return the first trouble, else the work.
+
+        Where the work would be more than ``most``, the trouble has no reason.
+        """
+        checks, work = [self._checks[n] for n in near], 0
+        floors, slacks = bounds[0][near].tolist(), bounds[1][near].tolist()
+        for index, approach in enumerate((ways @ self._reach[:, near]).tolist()):
+            share, fastest = 0.0, max(approach)
             while True:
                 rest = 1.0 - share
                 if all(slack >= rest * speed for slack, speed in zip(slacks, approach)):
                     slacks = [slack - rest * speed for slack, speed in zip(slacks, approach)]
                     break
-                step = max(min(slack / speed for slack, speed in zip(slacks, approach) if speed > 0.0),
+                step = max(min([slack / speed for slack, speed in zip(slacks, approach) if speed > 0.0]),
                            FINEST_STEP / fastest)
                 share = min(1.0, share + step)
-                here = tuple(a + share * (b - a) for a, b in ways)
-                gaps = self._gaps(here, far)
+                here = tuple([a + share * (b - a) for a, b in zip(points[index], points[index + 1])])
+                ends = self._ends(here)
+                gaps = [check.gap(ends, far) for check in checks]
                 slacks = [gap - floor for gap, floor in zip(gaps, floors)]
                 worst = min(slacks)
                 if worst < 0.0:
                     found = slacks.index(worst)
-                    return PathTrouble(index, share, here, self._reason(gaps[found], self._checks[found]))
+                    return PathTrouble(index, share, here, self._reason(gaps[found], checks[found]))
                 floors = [max(floor, min(self._margin, gap - _SAME)) for floor, gap in zip(floors, gaps)]
                 slacks = [gap - floor for gap, floor in zip(gaps, floors)]
+                work += _LOOK_WORK + len(near)
+                if work > most:
+                    return PathTrouble(index, share, here, "")
+                yield _LOOK_WORK + len(near)
                 if share >= 1.0:
                     break
-        return None
+        bounds[0][near], bounds[1][near] = floors, slacks
+        return work
 
     def _ends(self, joints: Vector) -> _Ends:
         if not math.isfinite(sum(joints)):
@@ -204,7 +272,7 @@ def _zone_checks(model: ArmModel, workspace: Workspace, n: int, capsule: Capsule
         def gap(ends: _Ends, enough: float) -> float:
             p, q = ends[n]
             bound = signed(0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])) - half - radius
-            return bound if bound > enough else lowest_on_segment(signed, p, q) - radius
+            return bound if bound > enough else lowest_on_segment(signed, p, q, enough + radius) - radius
         return gap
 
     def inside(signed: SignedDistance) -> _Gap:

@@ -28,7 +28,11 @@ from jaka_ros_driver.kinematics.rotations import Vector3, matrix_from_rpy
 MOST_BYTES = 100000
 """Largest size of a workspace file."""
 MOST_ITEMS = 50
-"""Most zones of a kind, and capsules of a tool: each costs time in every question."""
+"""Most zones of a kind, and capsules of a tool."""
+ARM_PARTS = 6
+"""Most parts of an arm that zones concern."""
+MOST_PAIRS = 500
+"""Most pairs of a zone with a part of the arm or the tool: each costs time in every look at the arm."""
 COORDINATE_LIMIT = 10.0
 """Largest coordinate, m, as of a target: a file in mm is noticed."""
 SIZES = (0.001, 20.0)
@@ -104,6 +108,11 @@ class Workspace(NamedTuple):
     floor: Optional[float] = None
     tool: Tuple[Capsule, ...] = ()
 
+    @property
+    def zones(self) -> int:
+        """The number of zones."""
+        return len(self.keep_out) + len(self.keep_in) + len(self.cylinders) + (self.floor is not None)
+
     def as_mapping(self) -> Dict[str, Any]:
         """Return the mapping of lists, texts and numbers of which ``workspace_of`` makes this workspace."""
         def items(zones: Sequence[Any], keys: Sequence[str]) -> List[Dict[str, Any]]:
@@ -123,9 +132,8 @@ class Workspace(NamedTuple):
 
     def summary(self) -> str:
         """Return in words how many zones and parts of a tool there are."""
-        zones = len(self.keep_out) + len(self.keep_in) + len(self.cylinders) + (self.floor is not None)
         return "%d zone%s and %d part%s of a tool" % (
-            zones, "" if zones == 1 else "s", len(self.tool), "" if len(self.tool) == 1 else "s")
+            self.zones, "" if self.zones == 1 else "s", len(self.tool), "" if len(self.tool) == 1 else "s")
 
 
 _TOOL_KEYS = ("name", "start", "end", "radius")
@@ -188,12 +196,17 @@ def workspace_of(mapping: Any) -> Workspace:
     """
     _check_keys("workspace", mapping, (), Workspace._fields)
     floor = mapping.get("floor")
-    return Workspace(
+    workspace = Workspace(
         keep_out=tuple(map(_box, *_items(mapping, "keep_out"))),
         keep_in=tuple(map(_box, *_items(mapping, "keep_in"))),
         cylinders=tuple(map(_cylinder, *_items(mapping, "cylinders"))),
         floor=None if floor is None else _number("floor", floor, -COORDINATE_LIMIT, COORDINATE_LIMIT),
         tool=tuple(map(_tool_capsule, *_items(mapping, "tool"))))
+    parts = ARM_PARTS + len(workspace.tool)
+    if workspace.zones * parts > MOST_PAIRS:
+        raise InvalidCommand("%d zones and %d parts of arm and tool make %d pairs; at most %d can be looked at in time"
+                             % (workspace.zones, parts, workspace.zones * parts, MOST_PAIRS))
+    return workspace
 
 
 def _items(mapping: Mapping[str, Any], key: str) -> Tuple[List[str], List[Any]]:

@@ -426,7 +426,7 @@ class ArmClient:
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
-        path = followed_path(start, trajectory, elapsed, self.model, self.settings, self._core.custody.motion_check)
+        path = followed_path(start, trajectory, elapsed, self.model, self._core, stops)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[str]]" = None) -> bool:

@@ -1,9 +1,8 @@
 """The path that the arm follows for a trajectory: where it joins, built by the client's settings, told in the log."""
 import logging
 
-from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck
+from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.trajectory import TrajectoryStart
-from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.path import Path
@@ -22,7 +21,7 @@ def lead_of(trajectory: JointTrajectory) -> float:
 
 
 def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
-                  settings: ClientSettings, motion_check: MotionCheck) -> Path:
+                  core: ArmCore, stops: int) -> Path:
     """Return the audited path of a trajectory; log where it is slowed or led elsewhere, or begins late.
 
     Args:
@@ -30,15 +29,17 @@ def followed_path(start: TrajectoryStart, trajectory: JointTrajectory, elapsed: 
         trajectory: The points.
         elapsed: Time since the trajectory was to start, s.
         model: The arm's limits.
-        settings: The tolerances.
-        motion_check: Looks at the whole path.
+        core: Has the tolerances, and looks at the whole path.
+        stops: The number of stops when the trajectory was asked for.
 
     Raises:
         InvalidTrajectory: As ``build_path``, or the way is not clear.
+        MotionInterrupted: A stop came meanwhile.
     """
+    settings, motion_check = core.settings, core.custody.motion_check
     path = build_path(start.begin, trajectory, elapsed, model, BuildOptions(
         settings.trajectory_start_tolerance, settings.late_stamp, settings.trajectory_overshoot == "scale"))
-    trouble = motion_check.trajectory_trouble(path)
+    trouble = motion_check.trajectory_trouble(path, lambda: core.require_no_stop_since(stops))
     if trouble and motion_check.refuses:
         raise InvalidTrajectory(trouble)
     if trouble:

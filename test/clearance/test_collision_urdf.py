@@ -5,6 +5,7 @@ import random
 import dh_oracle
 import numpy as np
 import pytest
+import second_opinions
 
 from jaka_ros_driver.clearance.collision_urdf import collision_elements
 from jaka_ros_driver.clearance.shape import Capsule, arm_shape
@@ -12,7 +13,7 @@ from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
 
-yourdfpy = pytest.importorskip("yourdfpy", reason="yourdfpy of requirements-oracle.txt is not installed")
+yourdfpy = second_opinions.imported("yourdfpy")
 
 GRIPPER = Capsule('a "gripper" <1>', 6, (0.0, 0.0, 0.0), (0.03, 0.0, 0.2), 0.04)
 BALL = Capsule("ball", 6, (0.1, 0.0, 0.0), (0.1, 0.0, 0.0), 0.05)

@@ -3,6 +3,7 @@ import math
 import random
 
 import dh_oracle
+import numpy as np
 import pytest
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
@@ -154,8 +155,41 @@ def test_no_distance_changes_faster_than_its_bound(name):
 
 
 def test_a_long_plan_is_audited_with_far_fewer_looks_than_points(guard, monkeypatch):
-    looks, gaps = [], guard._gaps
-    monkeypatch.setattr(guard, "_gaps", lambda *of: looks.append(of) or gaps(*of))
+    looks, ends = [], guard._ends
+    monkeypatch.setattr(guard, "_ends", lambda *of: looks.append(of) or ends(*of))
     plan = [tuple(angle + 0.4 * math.sin(0.01 * k + n) for n, angle in enumerate(WORKING)) for k in range(2000)]
     assert guard.first_trouble(plan) is None
     assert len(looks) < 400
+
+
+RINGS = {"cylinders": [{"name": "ring %d" % n, "foot": [0.0, 0.0, -1.0], "height": 4.0, "radius": 0.2 + 0.01 * n}
+                       for n in range(50)]}
+"""Cylinders around the axis of joint 1, in which an arm that turns about it is as deep everywhere."""
+
+
+def test_a_look_that_would_be_too_long_ends_with_its_place_and_the_number():
+    guard = MotionGuard(load_model("zu7"), workspace_of(RINGS))
+    way = [(angle,) + WORKING[1:] for angle in (-3.0, 3.0)]
+    assert guard.first_trouble(way) is None
+    found = guard.first_trouble(way, 5000)
+    assert found.index == 0 and 0.0 < found.share < 1.0 and found.joints[0] == pytest.approx(-3.0 + 6.0 * found.share)
+    assert "it has taken 5000 distances" in found.reason and "send it in parts" in found.reason
+
+
+def test_every_step_of_a_look_is_small_and_pieces_find_what_the_whole_finds():
+    guard = MotionGuard(load_model("zu7"), workspace_of(RINGS))
+    rng = random.Random(9)
+    for case in range(20):
+        ends = [dh_oracle.random_joints(load_model("zu7"), rng) for _ in range(5)]
+        points = np.concatenate([np.linspace(a, b, 100, endpoint=False) for a, b in zip(ends, ends[1:])])
+        whole, steps = guard.first_trouble([tuple(point) for point in points]), []
+        looks = guard.looks(points[first:first + 71] for first in range(0, len(points) - 1, 70))
+        with pytest.raises(StopIteration) as end:
+            while True:
+                steps.append(next(looks))
+        assert max(steps) <= len(guard._checks) + 10
+        found = end.value.value
+        assert (found is None) is (whole is None), case
+        if whole is not None:
+            assert found.index + found.share == pytest.approx(whole.index + whole.share, abs=0.5)
+            assert found.reason.split()[1] == whole.reason.split()[1]

@@ -9,6 +9,7 @@ import random
 import dh_oracle
 import numpy as np
 import pytest
+import second_opinions
 
 from jaka_ros_driver.clearance.guard import MotionGuard
 from jaka_ros_driver.clearance.shape import arm_shape
@@ -16,7 +17,7 @@ from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy
 
-fcl = pytest.importorskip("fcl", reason="python-fcl of requirements-oracle.txt is not installed")
+fcl = second_opinions.imported("fcl")
 
 POSES = int(os.environ.get("JAKA_ORACLE_POSES", "100"))
 TOLERANCE = 1e-4

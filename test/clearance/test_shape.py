@@ -35,6 +35,22 @@ def test_the_parts_lead_from_the_base_to_the_flange(name):
         assert all(gap < 0.0 for gap in gaps_of(model, dh_oracle.random_joints(model, rng), chain).values())
 
 
+def test_the_four_parts_of_the_minicobo_hold_all_joints_and_the_links_between_them():
+    # Links 3 and 4 turn about the axis of the forearm, 5 and 6 lie in the flange; the shoulder is in the base's top.
+    model, rng = load_model("minicobo"), random.Random(4)
+    shape = arm_shape(model)
+    for _ in range(50):
+        frames = link_transforms(model, dh_oracle.random_joints(model, rng))
+        ends = [(point_in_base(frames[one.frame], one.start), point_in_base(frames[one.frame], one.end))
+                for one in shape.capsules]
+        origins = [frame[9:] for frame in frames]
+        for start, end in zip(origins, origins[1:]):
+            for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+                point = tuple(a + share * (b - a) for a, b in zip(start, end))
+                assert min(segment_distance(point, point, *segment) - one.radius
+                           for one, segment in zip(shape.capsules, ends)) < 1e-9
+
+
 @EVERY_MODEL
 def test_the_flange_ends_at_its_face_and_the_base_on_the_ground(name):
     base, flange = arm_shape(load_model(name)).capsules[0], arm_shape(load_model(name)).capsules[-1]

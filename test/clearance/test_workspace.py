@@ -88,6 +88,8 @@ def test_texts_that_are_no_workspace_are_refused(text, reason):
     ({"floor": "0"}, ["floor is '0'", "from -10 to 10"]),
     ({"floor": 10 ** 400}, ["floor is 1000", "from -10 to 10"]),
     ({"tool": [dict(EVERYTHING["tool"][0], end=[0, 0, 150])]}, ["tool 1: end is 150", "from -2 to 2"]),
+    ({"keep_out": [BOX] * 50, "keep_in": [BOX] * 34}, ["84 zones and 6 parts", "504 pairs", "at most 500"]),
+    ({"keep_out": [BOX] * 40, "tool": EVERYTHING["tool"] * 7}, ["40 zones and 13 parts", "520 pairs", "at most 500"]),
     ({"tool": [dict(EVERYTHING["tool"][0], radius=1.0)]}, ["tool 1: radius is 1.0", "from 0.001 to 0.5"]),
 ])
 def test_wrong_workspaces_are_refused_with_place_value_and_range(mapping, words, tmp_path):

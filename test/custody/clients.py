@@ -170,7 +170,7 @@ class Clients:
         try:
             core = self._driver.core
             path = followed_path(start, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
-                                 self._model, core.settings, core.custody.motion_check)
+                                 self._model, core, core.stops)
         except InvalidTrajectory:
             return
         command = c.JointMove(path.at(path.end).position, 1.0, 1.0)

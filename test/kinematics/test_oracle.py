@@ -4,7 +4,6 @@ Where EAIK is installed (requirements-oracle.txt; not on Python 3.8) each of its
 ours among its. Everywhere, what iteration from random starts finds must be among ours: that covers the A12 too, which
 EAIK does not know. JAKA_ORACLE_POSES sets the number of random poses a model, 100 by default.
 """
-import importlib.util
 import math
 import os
 import random
@@ -12,13 +11,14 @@ import random
 import dh_oracle
 import numpy as np
 import pytest
+import second_opinions
 
 from jaka_ros_driver.kinematics import inverse
 from jaka_ros_driver.kinematics.arm_models import TWO_PARALLEL, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 
 POSES = int(os.environ.get("JAKA_ORACLE_POSES", "100"))
-HAS_EAIK = importlib.util.find_spec("eaik") is not None
+HAS_EAIK = second_opinions.are_there("eaik")
 KNOWN_TO_EAIK = [name for name in model_names() if load_model(name).family != TWO_PARALLEL] if HAS_EAIK else []
 
 

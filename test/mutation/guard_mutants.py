@@ -8,18 +8,20 @@ from mutant import Mutant
 
 PATHS = ("test/client/core/test_bad_paths.py",)
 MOTIONS = ("test/client/simulated/test_motion_guard.py",)
+CLEARANCES = ("test/clearance/test_motion_guard.py",)
+LOOKS = ("test/client/test_long_looks.py",)
 PROGRAMS = ("test/client/core/test_program_stories.py",)
 
 OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("a motion in trouble is sent", "client/core/motion_guard/motion_check.py",
            "        if trouble and self.refuses:\n", "        if False:\n", PATHS),
     Mutant("a guard that fails lets everything pass", "client/core/motion_guard/motion_check.py",
-           "            return \"the motion guard has failed, so",
-           "            return \"\" and \"the motion guard has failed, so",
+           "        return \"the motion guard has failed, so",
+           "        return \"\" and \"the motion guard has failed, so",
            MOTIONS),
     Mutant("only the target of a joint move counts", "client/core/motion_guard/motion_check.py",
-           "trouble = self._guard.first_trouble((start, target))",
-           "trouble = self._guard.first_trouble((target, target))", PATHS),
+           "self._guard.looks([np.array((start, target))])",
+           "self._guard.looks([np.array((target, target))])", PATHS),
     Mutant("a trajectory begins that was looked at with other zones", "client/core/requests/kinds.py",
            "if self._start.workspace is not custody.motion_check.workspace:", "if False:", MOTIONS),
     Mutant("zones that were set are not kept", "client/core/procedures/zones.py",
@@ -42,5 +44,14 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("a program is not watched", "client/core/planned/program.py",
            "        trouble = self._feed_watch.trouble(state)\n", "        trouble = \"\"\n", PROGRAMS),
     Mutant("a watch forgets the time of reaction", "client/core/motion_guard/feed_watch.py",
-           "        ahead = _REACTION_S + ", "        ahead = ", PROGRAMS),
+           "    ahead = _REACTION_S + ", "    ahead = ", PROGRAMS),
+    Mutant("a jog is not looked at before it begins", "client/core/requests/kinds.py",
+           "        if trouble:\n            raise InvalidCommand(\"refused: where the jog",
+           "        if False:\n            raise InvalidCommand(\"refused: where the jog", MOTIONS),
+    Mutant("every corner is sharp", "client/core/motion_guard/line_walk.py",
+           "    if beside < _SHARP_M:\n", "    if True:\n", MOTIONS),
+    Mutant("a look has no end", "clearance/guard.py",
+           "                if work > most:\n", "                if False:\n", CLEARANCES),
+    Mutant("a stop does not end the look at a move", "client/core/procedures/steps.py",
+           "            yield pause(_BREATH_S)\n            check()\n", "            yield pause(_BREATH_S)\n", LOOKS),
 )

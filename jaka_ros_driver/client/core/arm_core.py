@@ -110,6 +110,10 @@ class ArmCore:
         """The number of stops that were asked for."""
         return self._stops.count
 
+    def require_no_stop_since(self, count: int) -> None:
+        """Raise MotionInterrupted where a stop came since ``count`` was taken from ``stops``."""
+        self._stops.require_none_since(count)
+
     @property
     def is_free(self) -> bool:
         """True while nobody has custody of the arm."""

@@ -6,6 +6,7 @@ from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
+from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
 from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
 from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import Jog, JogStop
@@ -25,10 +26,14 @@ class JogMotion(ArmMotion):
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: Jog, call: Token) -> None:
+    def __init__(self, custody: Custody, command: Jog, call: Token, look: Look) -> None:
         """Set up the motion.
 
-        call: Answered with the controller's acceptance.
+        Args:
+            custody: Of this motion.
+            command: What begins it.
+            call: Answered with the controller's acceptance.
+            look: Of the motion guard.
         """
         self.command = command
         self.jog_stop = JogStop(command.frame, command.axis)
@@ -37,7 +42,7 @@ class JogMotion(ArmMotion):
         self._accepted_at: Optional[float] = None
         self._start: Optional[Vector] = None
         self._has_moved = False
-        self._feed_watch = FeedWatch(custody.motion_check.look())
+        self._feed_watch = FeedWatch(look)
         self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
 
     def begin(self, now: float) -> None:

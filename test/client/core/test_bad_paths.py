@@ -5,8 +5,10 @@ import re
 import pytest
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.guard import to_the_end
 from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.client.core.actions import Actions
+from jaka_ros_driver.client.core.motion_guard import line_walk
 from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, StartPlace
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.client.settings import ClientSettings
@@ -121,24 +123,26 @@ def test_there_are_thirty():
 def test_a_bad_motion_is_refused_with_place_and_reason(model, motion, workspace, text):
     start, command = motion(model)
     with pytest.raises(InvalidCommand, match="^refused: " + text):
-        check_of(model, workspace).after_move(command, StartPlace(start, ToolFrames(IDENTITY, IDENTITY)))
+        to_the_end(check_of(model, workspace).after_move(command, StartPlace(start, ToolFrames(IDENTITY, IDENTITY))))
 
 
 @pytest.mark.parametrize("model", model_names())
 def test_a_short_line_and_a_short_joint_move_of_each_model_are_clear(model):
     check, start = check_of(model), StartPlace((0.3, 1.2, -1.4, 1.4, 1.3, 0.2), ToolFrames(IDENTITY, IDENTITY))
-    end = check.after_move(c.LinearMove(shifted(model, start.joints, x=0.02, z=0.03, rz=0.1), 0.2, 1.0), start)
+    away = shifted(model, start.joints, x=0.02, z=0.03, rz=0.1)
+    end = to_the_end(check.after_move(c.LinearMove(away, 0.2, 1.0), start))
     assert end.joints is not None and max(abs(a - b) for a, b in zip(end.joints, start.joints)) < 0.5
     reached = pose_from_transform(forward(load_model(model), end.joints))
     assert reached.position == pytest.approx(shifted(model, start.joints, x=0.02, z=0.03).position, abs=1e-5)
-    back = check.after_move(c.JointMove(start.joints, 1.0, 4.0), end)
+    back = to_the_end(check.after_move(c.JointMove(start.joints, 1.0, 4.0), end))
     assert back.joints == start.joints
 
 
 @pytest.mark.parametrize("start", [HOME, HOME[:4] + (0.0, 0.4), (0.0, 1.2, -0.02, 0.6, 1.57, 0.0)])
 @pytest.mark.parametrize("away", [0.0, 1e-9, 1e-6, 1e-4])
 def test_a_line_of_no_length_is_clear_also_at_a_singularity(start, away):
-    end = check_of("zu7").after_move(line(start, z=-away)("zu7")[1], StartPlace(start, ToolFrames(IDENTITY, IDENTITY)))
+    end = to_the_end(check_of("zu7").after_move(
+        line(start, z=-away)("zu7")[1], StartPlace(start, ToolFrames(IDENTITY, IDENTITY))))
     assert max(abs(a - b) for a, b in zip(end.joints, start)) < 0.02
 
 
@@ -150,17 +154,17 @@ def test_a_line_is_walked_with_tool_and_user_frame(base_t_user):
     begin = frames.tool_at(model, HOME)
     to = pose_from_transform(begin)
     to = c.Pose((to.position[0] - 0.05, to.position[1] + 0.04, to.position[2]), to.rpy)
-    end = check_of("zu7").after_move(c.LinearMove(to, 0.2, 1.0), StartPlace(HOME, frames))
+    end = to_the_end(check_of("zu7").after_move(c.LinearMove(to, 0.2, 1.0), StartPlace(HOME, frames)))
     assert frames.tool_at(model, end.joints) == pytest.approx(transform_from_pose(to), abs=1e-6)
 
 
 def test_without_frames_a_line_is_not_looked_at_and_what_follows_is_looked_at_where_it_ends():
     check = check_of("zu7")
-    after = check.after_move(line(x=2.0)("zu7")[1], StartPlace(HOME, None))
+    after = to_the_end(check.after_move(line(x=2.0)("zu7")[1], StartPlace(HOME, None)))
     assert after.joints is None
     with pytest.raises(InvalidCommand, match="refused: the flange "):
-        check.after_move(c.JointMove((1.781, -0.866, -2.694, 0.38, 0.163, -3.141), 1.0, 4.0), after)
-    check.after_move(c.JointMove(HOME, 1.0, 4.0), after)
+        to_the_end(check.after_move(c.JointMove((1.781, -0.866, -2.694, 0.38, 0.163, -3.141), 1.0, 4.0), after))
+    to_the_end(check.after_move(c.JointMove(HOME, 1.0, 4.0), after))
 
 
 def path_to(target, starts_in=0.0):
@@ -177,3 +181,36 @@ def test_a_trajectory_is_looked_at_as_a_whole_also_one_that_starts_later(starts_
     assert re.match(r"after [23]\.\d+ s the flange is \d+ mm from the base; at least 10 mm are kept", trouble), trouble
     assert check_of("zu7", guard_motion="off").trajectory_trouble(
         path_to((1.781, -0.866, -2.694, 0.38, 0.163, -3.141))) == ""
+
+
+@pytest.mark.parametrize("model", ["zu7", "zu20", "a12", "minicobo"])
+@pytest.mark.parametrize("via", [(-10.0, 1e-4, 0.0), (0.0, 1e-4, 9.5)])
+def test_an_arc_that_goes_round_by_metres_is_followed_only_as_far_as_the_arm_reaches(model, via):
+    target = shifted(model, HOME, y=0.001)
+    by = c.Pose(tuple(p + d for p, d in zip(target.position, via)), target.rpy)
+    start, steps = StartPlace(HOME, ToolFrames(IDENTITY, IDENTITY)), 0
+    looks = check_of(model).after_move(c.ArcMove(by, target, 0.2, 1.0), start)
+    with pytest.raises(InvalidCommand, match=r"refused: after \d+ mm of (3|2)\d{4} mm it cannot go on: "):
+        while True:
+            next(looks)
+            steps += 1
+    assert 20 < steps < 500
+
+
+def test_a_way_of_more_places_than_are_looked_for_is_refused_where_they_end(monkeypatch):
+    monkeypatch.setattr(line_walk, "_MOST_PLACES", 5)
+    command, start = line(z=-0.2)("zu7")[1], StartPlace(HOME, ToolFrames(IDENTITY, IDENTITY))
+    with pytest.raises(InvalidCommand, match=r"after 50 mm of 200 mm it cannot go on: .*no more than 5 places"):
+        to_the_end(check_of("zu7").after_move(command, start))
+
+
+def test_a_trajectory_of_a_day_is_looked_at_in_pieces():
+    end = (0.5,) + HOME[1:]
+    points = tuple([TrajectoryPoint(3600.0 * (k + 1), (0.5 * (k % 2),) + HOME[1:]) for k in range(23)]
+                   + [TrajectoryPoint(86400.0, end)])
+    path = build_path(PathStart(JointState(HOME, (0.0,) * 6, (0.0,) * 6), True), JointTrajectory(points), 0.0,
+                      load_model("zu7"), BuildOptions(0.01))
+    samples, taken = path.samples, []
+    path.samples = lambda times: taken.append(len(times)) or samples(times)
+    assert check_of("zu7", TABLE).trajectory_trouble(path) == ""
+    assert sum(taken) > 2e6 and max(taken) < 5000

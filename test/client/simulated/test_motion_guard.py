@@ -6,10 +6,12 @@ import pytest
 from simulated_arm import SimulatedArm
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard, to_the_end
 from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
+from jaka_ros_driver.client.core.motion_guard.line_walk import corner_walks, walk
+from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import settings, zones
 from jaka_ros_driver.client.core.trajectory import StartChanged
@@ -55,8 +57,6 @@ def share_of_the_way(share, end=INTO_THE_BASE):
 
 def ended_by_the_guard(error):
     return isinstance(error, MotionInterrupted) and error.cause is StopCause.MOTION_GUARD
-
-
 
 
 LOW_TABLE = workspace_of({"keep_out": [{"name": "table", "centre": [0.4, 0.0, 0.1], "size": [0.5, 1.0, 0.2]}]})
@@ -179,13 +179,78 @@ def test_a_path_is_looked_at_as_a_whole_before_its_first_segment():
     assert "moveL" not in names(arm) and arm.core.is_free
 
 
+def corner(arm, radius):
+    """Return two lines around a corner of a right angle, the tool first beside and then down."""
+    x, y, z = arm.state.tcp_position
+    beside, down = (c.Pose((x, y + 0.2, z - lower), arm.state.tcp_rpy) for lower in (0.0, 0.2))
+    return [c.LinearMove(beside, 0.2, 1.0, radius), c.LinearMove(down, 0.2, 1.0, 0.0)]
+
+
+PEG = workspace_of({"keep_out": [{"name": "peg", "centre": [0.417, 0.245, 0.3075], "size": [0.03, 0.03, 0.1]}]})
+"""A box within the corner, below the first line and beside the second one."""
+
+
+@pytest.mark.parametrize("radius, is_refused", [(0.0, False), (0.02, False), (0.05, True), (0.08, True)])
+def test_a_corner_whose_rounding_touches_a_zone_is_refused_where_the_sharp_one_is_clear(radius, is_refused):
+    unguarded, guard, nearest = simulated(guard_motion="off"), MotionGuard(MODEL, PEG), 1.0
+    call = unguarded.begin("move_path", corner(unguarded, radius), lambda: False, lambda: None)
+    while not call.is_over:
+        unguarded.run(CYCLE)
+        nearest = min(nearest, guard.nearest(unguarded.joints).distance)
+    assert (nearest < DEFAULT_MARGIN) is is_refused, "the way that the arm really takes"
+    arm = simulated(workspace=PEG)
+    error = arm.ended(arm.begin("move_path", corner(arm, radius), lambda: False, lambda: None))
+    if not is_refused:
+        assert error is None
+        return
+    assert re.match(r"segment 1: refused: on the rounded corner where it begins, after \d+ mm of \d+ mm the flange "
+                    r".*keep-out box 'peg'", str(error)), error
+    assert "moveL" not in names(arm)
+
+
+def test_the_rounded_corner_of_queued_lines_is_looked_at():
+    arm = simulated(workspace=PEG)
+    first, second = corner(arm, 0.05)
+    assert arm.begin("move", first, False).error is None
+    assert "refused: on the rounded corner where it begins, " in str(arm.ended(arm.begin("move", second, False)))
+    arm.until(lambda: arm.core.is_free)
+    assert moved(arm, second) is None, "behind a stop at the corner it is sharp"
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_a_corner_that_touches_where_it_is_sharp_is_refused_however_it_is_rounded(radius):
+    wall = {"name": "wall", "centre": [0.417, 0.367, 0.4], "size": [0.1, 0.03, 0.1]}
+    arm = simulated(workspace=workspace_of({"keep_out": [wall]}))
+    error = arm.ended(arm.begin("move_path", corner(arm, radius), lambda: False, lambda: None))
+    assert re.match(r"segment 0: refused: after 19\d mm of 200 mm the flange .*'wall'", str(error)), error
+
+
+def test_the_rounded_corners_that_are_looked_at_hold_the_way_of_the_simulated_controller():
+    arm = simulated()
+    first, second = corner(arm, 0.03)
+    before = walk(MODEL, ToolFrames(IDENTITY, IDENTITY), HOME, first)
+    to_the_end(before.looks())
+    corners = corner_walks(before, walk(MODEL, ToolFrames(IDENTITY, IDENTITY), before.end, second))
+    assert len(corners) == 2
+    apex = [math.dist(one.tool(0.5)[9:], first.target.position) for one in corners]
+    assert apex == pytest.approx([0.015, 0.03], abs=1e-6)
+    call, places = arm.begin("move_path", [first, second], lambda: False, lambda: None), []
+    while not call.is_over:
+        arm.run(CYCLE)
+        places.append(forward(MODEL, arm.joints)[9:])
+    rounded = [corners[-1].tool(k / 500.0)[9:] for k in range(501)]
+    near = [place for place in places if math.dist(place, first.target.position) < 0.06]
+    assert len(near) > 20
+    assert max(min(math.dist(place, other) for other in rounded) for place in near) < 1e-3
+
+
 def test_a_guard_that_fails_refuses_and_sends_nothing_unchecked():
     arm = simulated()
 
     def fails(*_):
         raise ZeroDivisionError("a defect")
     guard = arm.core.custody.motion_check._guard
-    guard.first_trouble = guard.nearest = fails
+    guard.looks = guard.first_trouble = guard.nearest = fails
     error = moved(arm, c.JointMove((0.2,) + HOME[1:], 1.0, 4.0))
     assert "the motion guard has failed" in str(error) and "a defect" in str(error) and "joint_move" not in names(arm)
     assert in_servo(arm) is None
@@ -410,6 +475,80 @@ def test_a_stream_of_points_into_the_arm_itself_is_held_before_it():
     assert "refused: on the way to the point the flange is " in str(error)
     arm.until(lambda: arm.core.is_free)
     assert near_its_margin(arm)
+
+
+WALL = workspace_of({"keep_out": [{"name": "wall", "centre": [0.417, 0.262, 0.3], "size": [0.5, 0.2, 0.6]}]})
+"""A wall beside the flange of an arm at HOME, some mm farther away than the margin, towards the base's y."""
+BASE, JOINT, TOOL_FRAME = c.JogFrame.BASE, c.JogFrame.JOINT, c.JogFrame.TOOL
+
+
+@pytest.mark.parametrize("frame, axis, velocity, has_user", [
+    (JOINT, 0, 0.3, False), (BASE, 1, 0.25, False), (BASE, 0, 0.25, True), (TOOL_FRAME, None, 0.25, False)])
+def test_a_jog_that_begins_beside_a_wall_is_refused_towards_it_and_goes_away_from_it(frame, axis, velocity, has_user):
+    arm = simulated(workspace=WALL)
+    guard = MotionGuard(MODEL, WALL)
+    assert DEFAULT_MARGIN < guard.nearest(HOME).distance < DEFAULT_MARGIN + 0.012
+    if has_user:
+        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    if axis is None:  # the axis of the tool that lies along the base's y, and its sense
+        along = forward(MODEL, HOME)[3:6]
+        axis = max(range(3), key=lambda n: abs(along[n]))
+        velocity = math.copysign(velocity, along[axis])
+    error = arm.ended(arm.begin("jog", c.Jog(frame, axis, velocity)))
+    assert re.match(r"refused: where the jog would lead, the \S.* keep-out box 'wall'", str(error)), error
+    assert "jog" not in names(arm) and arm.core.is_free
+    assert arm.ended(arm.begin("jog", c.Jog(frame, axis, -velocity))) is None
+    arm.run(0.2)
+    assert guard.nearest(arm.joints).distance > guard.nearest(HOME).distance + 0.003
+
+
+def test_a_jog_whose_direction_cannot_be_known_is_watched_by_the_feed_alone():
+    arm = simulated(workspace=WALL)
+    arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), exclusive=True)
+    arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    arm.core.custody.motion_check.tools = None
+    assert arm.ended(arm.begin("jog", c.Jog(BASE, 0, 0.05))) is None
+    arm.until(lambda: arm.core.is_free)
+    assert arm.times_of("stop_program") and MotionGuard(MODEL, WALL).nearest(arm.joints).distance > 0.005
+
+
+def test_a_jog_beside_a_wall_goes_where_that_is_only_logged():
+    arm = simulated(workspace=WALL, guard_motion="warn")
+    told, log = [], arm.core.actions.log
+    arm.core.actions.log = lambda level, text: (told.append(text), log(level, text))
+    assert arm.ended(arm.begin("jog", c.Jog(BASE, 1, 0.25))) is None
+    arm.run(0.3)
+    assert sum("'wall'" in text for text in told) == 1
+
+
+RINGS = workspace_of({"cylinders": [
+    {"name": "ring %d" % n, "foot": [0.0, 0.0, -1.0], "height": 4.0, "radius": 0.2 + 0.01 * n} for n in range(50)]})
+"""Cylinders around the axis of joint 1, in which the arm stands: it may turn about it, and each turn is a long look."""
+
+
+def test_a_move_behind_one_that_is_looked_at_keeps_its_place_in_the_queue():
+    arm = simulated(workspace=RINGS)
+    places = [(HOME[0] + angle,) + HOME[1:] for angle in (-0.2, -0.7, -0.22)]
+    first = arm.begin("move", c.JointMove(places[0], 0.05, 2.0), False)
+    assert arm.until(lambda: first.is_over) and first.error is None
+    second = arm.begin("move", c.JointMove(places[1], 1.0, 4.0), False)
+    assert not second.is_over, "it is being looked at"
+    third = arm.begin("move", c.JointMove(places[2], 1.0, 4.0), False)
+    arm.until(lambda: arm.core.is_free)
+    assert second.error is None and third.error is None
+    targets = [request["jointPosition"][0] for _, request in arm.sent if request["cmdName"] == "joint_move"]
+    assert targets == pytest.approx([math.degrees(place[0]) for place in places], abs=1e-3)
+
+
+def test_a_look_while_it_moves_takes_few_distances_or_says_that_it_would_need_more():
+    arm = simulated(workspace=RINGS)
+    check = arm.core.custody.motion_check
+    looks, ends = [], check._guard._ends
+    check._guard._ends = lambda *of: looks.append(of) or ends(*of)
+    turned = (HOME[0] + 3.0,) + HOME[1:]
+    assert "it has taken 4000 distances" in check.look()((HOME, turned))
+    assert len(looks) < 100
+    assert check.look()((HOME, (HOME[0] + 0.02,) + HOME[1:])) == "", "what is looked at to its end is clear"
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])

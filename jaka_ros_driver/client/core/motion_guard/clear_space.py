@@ -4,6 +4,9 @@ from typing import Sequence
 from jaka_ros_driver.clearance.guard import MotionGuard
 from jaka_ros_driver.state import Vector
 
+_MOST_WORK = 4_000
+"""Largest work of a look at a motion while it lasts, which the next frame waits for: some ms."""
+
 
 class ClearSpace:
     """The joints around a place that are known to be clear: nothing of the arm moves farther than is clear there.
@@ -28,7 +31,7 @@ class ClearSpace:
         self._place, self._room = way[0], self._guard.nearest(way[0]).distance - self._margin
         if self._holds(way):
             return ""
-        found = self._guard.first_trouble(way)
+        found = self._guard.first_trouble(way, _MOST_WORK)
         return "" if found is None else found.reason
 
     def _holds(self, way: Sequence[Vector]) -> bool:

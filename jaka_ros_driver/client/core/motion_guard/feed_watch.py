@@ -1,6 +1,6 @@
 """The watch over a motion that the controller plans: one braking distance ahead, by the status feed."""
 from collections import deque
-from typing import Deque, Tuple
+from typing import Deque, Sequence, Tuple
 
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
@@ -30,8 +30,12 @@ class FeedWatch:
         since, before = self._seen[0]
         if at <= since:
             return ""
-        # No joint is faster; a feed whose joints jump would have the way of seconds looked at, which takes seconds.
-        speeds = [min(max((new - old) / (at - since), -JOINT_SPEED_CEILING), JOINT_SPEED_CEILING)
-                  for new, old in zip(joints, before)]
-        ahead = _REACTION_S + 0.5 * max(map(abs, speeds)) / _BRAKE
-        return self._look((joints, tuple([q + ahead * speed for q, speed in zip(joints, speeds)])))
+        return self._look(way_ahead(joints, [(new - old) / (at - since) for new, old in zip(joints, before)]))
+
+
+def way_ahead(joints: Vector, speeds: Sequence[float]) -> Tuple[Vector, Vector]:
+    """Return the way on which joints, rad (6,), of these speeds, rad/s (6,), come to a stand where they are stopped."""
+    # No joint is faster; a feed whose joints jump would have the way of seconds looked at, which takes seconds.
+    bounded = [min(max(speed, -JOINT_SPEED_CEILING), JOINT_SPEED_CEILING) for speed in speeds]
+    ahead = _REACTION_S + 0.5 * max(map(abs, bounded)) / _BRAKE
+    return joints, tuple([q + ahead * speed for q, speed in zip(joints, bounded)])

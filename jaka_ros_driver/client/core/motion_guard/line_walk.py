@@ -4,12 +4,13 @@ The joints follow the tool continuously, or the walk ends with the reason: out o
 (shoulder, elbow or wrist would flip), or a singularity, where joints cannot keep a tenth of the tool's speed.
 """
 import math
-from typing import Callable, List, NamedTuple, Optional, Sequence, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Union
 
+from jaka_ros_driver.clearance.guard import Looks
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.commands import ArcMove, LinearMove
 from jaka_ros_driver.errors import UnreachablePose
-from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, ArmModel
+from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, TWO_PARALLEL, ArmModel
 from jaka_ros_driver.kinematics.forward import link_transforms, signed_measures
 from jaka_ros_driver.kinematics.inverse import inverse, inverse_all
 from jaka_ros_driver.kinematics.limits import top_joint_speeds
@@ -36,8 +37,18 @@ _METRES_PER_RAD = 0.3
 """The length, m, as which a turn of 1 rad counts."""
 _SLOWED_TO = 0.1
 """Share of the speed below which a place counts as singular: there the controller stops by itself."""
+_MOST_PLACES = 10_000
+"""Most places of a way that are looked for: no way within reach needs a third of it."""
+_WORK: Dict[str, int] = {THREE_PARALLEL: 50, SPHERICAL_WRIST: 100, TWO_PARALLEL: 300}
+"""The work of one place by the arm's family, in that of a distance of the motion guard (``Looks``)."""
 _REFERENCE_SPEED = 0.25
 """Speed, m/s, to which that refers where the programmed one is higher."""
+_TANGENT = 1e-3
+"""Share of a way over which its direction at a corner is measured."""
+_SHARP_M = 1e-3
+"""Distance, m, from a corner up to which a way that passes it counts as sharp."""
+_BETWEEN_CORNERS_M = 0.02
+"""Largest distance, m, of one rounded corner that is looked at from the next: less than the radius of any part."""
 
 
 class WalkEnd(NamedTuple):
@@ -48,18 +59,20 @@ class WalkEnd(NamedTuple):
 
 
 class LineWalk:
-    """The joints along a line or an arc.
+    """The joints along a line or an arc, once ``looks`` has come to its end.
 
     Attributes:
         joints: Of the places along the way, its start first, rad (6,) each.
         shares: Of these places, 0 to 1.
         length: Of the tool's way, m.
         early_end: Where and why the way cannot be followed to its end; None where it can.
+        tool: ``user_t_tool`` by the share of the way.
+        tolerance: How far the tool may pass its end on the way to the next one, m.
     """
 
     def __init__(self, model: ArmModel, frames: ToolFrames, start: Vector, tool: Callable[[float], Transform],
                  length: float, duration: float, turn: float) -> None:
-        """Walk.
+        """Set up at the start.
 
         Args:
             model: The arm.
@@ -72,13 +85,17 @@ class LineWalk:
         """
         self.joints, self.shares, self.length = [start], [0.0], length
         self.early_end: Optional[WalkEnd] = None
-        self._model, self._frames, self._tool = model, frames, tool
+        self.model, self.frames, self.tool, self.tolerance = model, frames, tool, 0.0
+        self.duration = max(duration, length / _REFERENCE_SPEED)
         self._way = max(length + _METRES_PER_RAD * turn, _SHORTEST_M)
-        self._duration = max(duration, length / _REFERENCE_SPEED)
         self._tops = top_joint_speeds(model)
-        pieces = max(1, math.ceil(max(length / _STEP_M, turn / _STEP_TURN)))
-        for piece in range(pieces):
-            if not self._step((piece + 1) / pieces):
+        self._pieces = max(1, math.ceil(max(length / _STEP_M, turn / _STEP_TURN)))
+        self._places = 0
+
+    def looks(self) -> Looks[None]:
+        """Walk to the end of the way, or to its early end."""
+        for piece in range(self._pieces):
+            if not (yield from self._step((piece + 1) / self._pieces)):
                 break
 
     @property
@@ -93,23 +110,28 @@ class LineWalk:
 
     # ---- inside ----
 
-    def _step(self, to: float) -> bool:
+    def _step(self, to: float) -> Looks[bool]:
         """Walk on to this share of the way, in smaller steps where joints move far; return False at the early end."""
         before, since = self.joints[-1], self.shares[-1]
-        pose = self._frames.flange_of(self._tool(to))
+        pose = self.frames.flange_of(self.tool(to))
         after: Optional[Vector] = None
+        self._places += 1
+        if self._places > _MOST_PLACES:
+            self.early_end = WalkEnd(since, "the motion guard looks at no more than %d places" % _MOST_PLACES)
+            return False
+        yield _WORK[self.model.family]
         try:
-            after, reason = inverse(self._model, pose, before), ""
+            after, reason = inverse(self.model, pose, before), ""
         except UnreachablePose as error:
             reason = str(error)
         if after is None or _largest_step(before, after) > _JUMP:
             if (to - since) * self._way > _SHORTEST_M:
-                return self._step(since + 0.5 * (to - since)) and self._step(to)
+                return (yield from self._step(since + 0.5 * (to - since))) and (yield from self._step(to))
             self.early_end = WalkEnd(since, self._obstacle(pose, before, after, reason))
             return False
         slowed, joint = max([(abs(b - a) / top, number) for number, (a, b, top) in enumerate(
             zip(before, after, self._tops), 1)])
-        if slowed * _SLOWED_TO > (to - since) * self._duration and _largest_step(before, after) > _ROUNDING:
+        if slowed * _SLOWED_TO > (to - since) * self.duration and _largest_step(before, after) > _ROUNDING:
             self.early_end = WalkEnd(
                 since, "singular: joint %d cannot turn as fast as a tenth of the speed needs" % joint)
             return False
@@ -119,10 +141,10 @@ class LineWalk:
 
     def _obstacle(self, pose: Transform, before: Vector, after: Optional[Vector], reason: str) -> str:
         """Return why no joints near those before reach the next place."""
-        for branch in inverse_all(self._model, pose, before):
+        for branch in inverse_all(self.model, pose, before):
             near = [angle + math.tau * round((at - angle) / math.tau) for angle, at in zip(branch, before)]
             if _largest_step(before, near) <= _JUMP:
-                for joint, (angle, (low, high)) in enumerate(zip(near, self._model.joint_limits), 1):
+                for joint, (angle, (low, high)) in enumerate(zip(near, self.model.joint_limits), 1):
                     if not low <= angle <= high:
                         return "joint %d would pass its limit; valid: %.6g to %.6g rad" % (joint, low, high)
         if after is None:
@@ -136,15 +158,15 @@ class LineWalk:
 
     def _flips(self, before: Vector, after: Vector) -> List[str]:
         """Return which of shoulder, elbow and wrist would change sides; none where one measure is all."""
-        if self._model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
+        if self.model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
             return []
-        was, becomes = (signed_measures(self._model, joints, link_transforms(self._model, joints))
+        was, becomes = (signed_measures(self.model, joints, link_transforms(self.model, joints))
                         for joints in (before, after))
         return [name for name in ("shoulder", "elbow", "wrist") if getattr(was, name) * getattr(becomes, name) < 0.0]
 
 
 def walk(model: ArmModel, frames: ToolFrames, start: Vector, command: Union[LinearMove, ArcMove]) -> LineWalk:
-    """Walk the line or arc of a command from these joints, rad (6,), on.
+    """Return the walk along the line or arc of a command from these joints, rad (6,), on, before its first step.
 
     Raises:
         InvalidCommand: There is no such arc.
@@ -166,7 +188,56 @@ def walk(model: ArmModel, frames: ToolFrames, start: Vector, command: Union[Line
         return transform(turned[:9], position(share))
 
     duration = max(length / command.speed, 2.0 * math.sqrt(length / command.acceleration), turn / turn_speed)
-    return LineWalk(model, frames, start, tool, length, duration, turn)
+    way = LineWalk(model, frames, start, tool, length, duration, turn)
+    way.tolerance = command.tolerance
+    return way
+
+
+def corner_walks(before: LineWalk, after: LineWalk) -> List[LineWalk]:
+    """Return the walks along the rounded corners that may lie between two walks, by the tolerance of the first one.
+
+    Each is a parabola that touches both. The last one passes the corner at the tolerance, or replaces half of the
+    shorter way; the others lie between it and the corner, as no source says which of them a controller takes. There is
+    none where the corner is sharp.
+
+    Raises:
+        UnreachablePose: One begins out of reach.
+    """
+    longest = 0.5 * min(before.length, after.length)
+    if before.tolerance <= 0.0 or longest < _SHORTEST_M:
+        return []
+    corner = before.tool(1.0)[9:]
+    bend = math.dist(_direction(before.tool(1.0 - _TANGENT)[9:], corner), _direction(corner, after.tool(_TANGENT)[9:]))
+    half = min(longest, 4.0 * before.tolerance / max(bend, _TANGENT))
+    beside = 0.25 * half * bend
+    if beside < _SHARP_M:
+        return []
+    count = math.ceil(beside / _BETWEEN_CORNERS_M)
+    return [_corner_walk(before, after, corner, half * (number + 1) / count) for number in range(count)]
+
+
+def _corner_walk(before: LineWalk, after: LineWalk, corner: Vector, half: float) -> LineWalk:
+    """Return the walk along the parabola that replaces a length ``half``, m, before and behind a corner."""
+    leaves, joins = 1.0 - half / before.length, half / after.length
+    first, last = before.tool(leaves), after.tool(joins)
+    vector = turn_between(first, last)
+
+    def tool(share: float) -> Transform:
+        turned = compose(transform(matrix_from_rotation_vector([share * part for part in vector]), (0.0,) * 3), first)
+        rest = 1.0 - share
+        return transform(turned[:9], tuple([rest * rest * a + 2.0 * rest * share * b + share * share * c
+                                            for a, b, c in zip(first[9:], corner, last[9:])]))
+
+    near = max([joints for joints in zip(before.shares, before.joints) if joints[0] <= leaves])[1]
+    start = inverse(before.model, before.frames.flange_of(first), near)
+    duration = (1.0 - leaves) * before.duration + joins * after.duration
+    return LineWalk(before.model, before.frames, start, tool, 2.0 * half, duration, math.hypot(*vector))
+
+
+def _direction(a: Sequence[float], b: Sequence[float]) -> Vector:
+    """Return the unit vector from a to b, points that differ."""
+    distance = math.dist(a, b)
+    return tuple([(q - p) / distance for p, q in zip(a, b)])
 
 
 def _largest_step(a: Vector, b: Sequence[float]) -> float:

@@ -7,19 +7,20 @@ from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, Looks, MotionGuard, to_the_end
 from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
-from jaka_ros_driver.client.core.motion_guard.line_walk import walk
+from jaka_ros_driver.client.core.motion_guard.line_walk import LineWalk, corner_walks, walk
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
+from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, PathCommand, Pose
+from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMove, PathCommand, Pose
 from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
-from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
-from jaka_ros_driver.kinematics.rotations import Transform
+from jaka_ros_driver.kinematics.rotations import Transform, compose, matrix_from_rotation_vector, transform
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import Path
 
@@ -29,6 +30,10 @@ _SAMPLE_PERIOD_S = 0.04
 """Longest time, s, between two places of a trajectory that are joined by a straight line in joint space: at the highest
 acceleration a joint is at most 3 mrad beside it.
 """
+_STEP_S = 0.01
+"""Time, s, over which the joints' speeds at the begin of a jog of the tool are measured."""
+_SAMPLES_AT_ONCE = 4096
+"""Places of a trajectory that are held at once: a day of it has two millions."""
 
 
 class StartPlace(NamedTuple):
@@ -37,10 +42,19 @@ class StartPlace(NamedTuple):
     Attributes:
         joints: rad (6,); None where they are not known: behind a line whose frames are not.
         frames: The active tool and user frame; None where they are not known.
+        way: The line or arc that ends there, whose corner may be rounded; None where there is none.
     """
 
     joints: Optional[Vector]
     frames: Optional[ToolFrames]
+    way: Optional[LineWalk] = None
+
+    def is_near(self, other: "StartPlace") -> bool:
+        """Return whether a motion that was looked at from the other place may begin at this one."""
+        if self is other:
+            return True
+        return (self.way is other.way and self.joints is not None and other.joints is not None
+                and max([abs(a - b) for a, b in zip(self.joints, other.joints)]) <= MOVEMENT)
 
     @classmethod
     def unknown(cls) -> "StartPlace":
@@ -89,17 +103,45 @@ class MotionCheck:
         """Return the place of an arm at rest."""
         return StartPlace(state.joint_position, tool_frames(self._model, state, self.tools))
 
-    def after_move(self, command: PathCommand, start: StartPlace) -> StartPlace:
+    def after_move(self, command: PathCommand, start: StartPlace) -> Looks[StartPlace]:
         """Check one move from its start; return the place where it ends.
 
         Raises:
-            InvalidCommand: It would come too near to something, or cannot be followed; the message has place and
-                reason.
+            InvalidCommand: It would come too near to something, or cannot be followed, or the look itself has failed
+                (nothing is sent unchecked in silence); the message has place and reason.
         """
         ends = [StartPlace(command.joint_position if isinstance(command, JointMove) else None, start.frames)]
-        if self.is_on:
-            self.judge(lambda: self._move_trouble(command, start, ends))
+        trouble = (yield from _found(self._move_trouble(command, start, ends))) if self.is_on else ""
+        if trouble and self.refuses:
+            raise InvalidCommand("refused: " + trouble)
+        if trouble:
+            self._log_sent(trouble)
         return ends[-1]
+
+    def jog_speeds(self, command: Jog, state: RobotState) -> Optional[Vector]:
+        """Return the joints' speeds, rad/s (6,), with which a jog begins; None where they are not known.
+
+        They are not where the frames are not known, or the tool cannot go on in this direction.
+        """
+        one = [command.velocity if axis == command.axis else 0.0 for axis in range(JOINT_COUNT)]
+        if command.frame is JogFrame.JOINT:
+            return tuple(one)
+        place = self.place_of(state)
+        if place.frames is None:
+            self._tell_unknown_frames()
+            return None
+        step = transform(matrix_from_rotation_vector([_STEP_S * part for part in one[3:]]),
+                         tuple([_STEP_S * part for part in one[:3]]))
+        tool = place.frames.tool_at(self._model, state.joint_position)
+        if command.frame is JogFrame.TOOL:
+            moved = compose(tool, step)
+        else:
+            moved = transform(compose(step, tool)[:9], tuple([a + b for a, b in zip(tool[9:], step[9:])]))
+        try:
+            reached = inverse(self._model, place.frames.flange_of(moved), state.joint_position)
+        except UnreachablePose:
+            return None
+        return tuple([(new - old) / _STEP_S for new, old in zip(reached, state.joint_position)])
 
     def pose_look(self, state: RobotState, look: Look) -> Callable[[Pose], str]:
         """Return the look at the targets of a stream of poses, which follows them from an arm at rest.
@@ -124,33 +166,12 @@ class MotionCheck:
             return trouble
         return look_at
 
-    def judge(self, find: Callable[[], str]) -> None:
-        """Refuse, or log, the trouble that ``find`` returns in words; "" is none.
-
-        Raises:
-            InvalidCommand: There is some, or the look itself has failed: nothing is sent unchecked in silence.
-        """
-        trouble = self.found(find)
-        if trouble and self.refuses:
-            raise InvalidCommand("refused: " + trouble)
-        if trouble:
-            self._log_sent(trouble)
-
-    def found(self, find: Callable[[], str]) -> str:
-        """Return what ``find`` returns, or in words that it has failed."""
-        try:
-            return find()
-        except InvalidCommand as error:
-            return str(error)
-        except Exception as defect:
-            return "the motion guard has failed, so that nobody knows whether the way is clear: %r" % defect
-
-    def trajectory_trouble(self, path: Path) -> str:
+    def trajectory_trouble(self, path: Path, check: Callable[[], None] = lambda: None) -> str:
         """Return what a trajectory comes too near to, and when; "" where it is clear, or nobody looks.
 
-        It may be called from any thread.
+        It may be called from any thread. What ``check`` raises, which is called again and again, ends it.
         """
-        return self.found(lambda: self._trajectory_trouble(path)) if self.is_on else ""
+        return to_the_end(_found(self._trajectory_trouble(path)), check) if self.is_on else ""
 
     # ---- inside ----
 
@@ -159,7 +180,7 @@ class MotionCheck:
         told: List[str] = []
 
         def act(find: Callable[[], str]) -> str:
-            trouble = self.found(find) if self.is_on else ""
+            trouble = to_the_end(_found(_at_once(find))) if self.is_on else ""
             if not trouble or self.refuses:
                 return trouble
             if not told:
@@ -171,41 +192,55 @@ class MotionCheck:
     def _log_sent(self, trouble: str) -> None:
         self._actions.log(logging.WARNING, "sent, as ~guard_motion is %s: %s" % (self._mode, trouble))
 
-    def _trajectory_trouble(self, path: Path) -> str:
+    def _trajectory_trouble(self, path: Path) -> Looks[str]:
         times = _times_of(path)
-        trouble = self._guard.first_trouble([tuple(joints) for joints in path.samples(times)[0].tolist()])
+        pieces = (path.samples(times[at:at + _SAMPLES_AT_ONCE + 1])[0]
+                  for at in range(0, max(1, len(times) - 1), _SAMPLES_AT_ONCE))
+        trouble = yield from self._guard.looks(pieces)
         if trouble is None:
             return ""
         begin, end = times[trouble.index], times[min(trouble.index + 1, len(times) - 1)]
         return "after %.3f s %s" % (begin + trouble.share * (end - begin), trouble.reason)
 
-    def _move_trouble(self, command: PathCommand, start: StartPlace, ends: List[StartPlace]) -> str:
+    def _move_trouble(self, command: PathCommand, start: StartPlace, ends: List[StartPlace]) -> Looks[str]:
         if isinstance(command, JointMove):
-            return self._joint_trouble(command.joint_position, start.joints)
+            return (yield from self._joint_trouble(command.joint_position, start.joints))
         if start.joints is None or start.frames is None:
             self._tell_unknown_frames()
             return ""
-        return self._line_trouble(command, start.joints, start.frames, ends)
+        return (yield from self._line_trouble(command, start.joints, start, ends))
 
-    def _joint_trouble(self, target: Vector, start: Optional[Vector]) -> str:
+    def _joint_trouble(self, target: Vector, start: Optional[Vector]) -> Looks[str]:
         if start is None:
             return self._guard.trouble(target)
-        trouble = self._guard.first_trouble((start, target))
+        trouble = yield from self._guard.looks([np.array((start, target))])
         return "" if trouble is None else "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
 
-    def _line_trouble(self, command: Union[LinearMove, ArcMove], start: Vector, frames: ToolFrames,
-                      ends: List[StartPlace]) -> str:
+    def _line_trouble(self, command: Union[LinearMove, ArcMove], begin: Vector, start: StartPlace,
+                      ends: List[StartPlace]) -> Looks[str]:
+        assert start.frames is not None
         try:
-            inverse(self._model, frames.flange_at(command.target), start)
+            inverse(self._model, start.frames.flange_at(command.target), begin)
         except UnreachablePose as error:
             return "its target cannot be reached: %s" % error
-        way = walk(self._model, frames, start, command)
-        trouble = self._guard.first_trouble(way.joints)
+        way = walk(self._model, start.frames, begin, command)
+        trouble = yield from self._way_trouble(way)
+        if trouble:
+            return trouble
+        for corner in () if start.way is None else corner_walks(start.way, way):
+            trouble = yield from self._way_trouble(corner)
+            if trouble:
+                return "on the rounded corner where it begins, " + trouble
+        ends.append(StartPlace(way.end, start.frames, way))
+        return ""
+
+    def _way_trouble(self, way: LineWalk) -> Looks[str]:
+        yield from way.looks()
+        trouble = yield from self._guard.looks([np.array(way.joints)])
         if trouble is not None:
             return _place_text(way.share_at(trouble.index, trouble.share), way.length, trouble.reason)
         if way.early_end is not None:
             return _place_text(way.early_end.share, way.length, "it cannot go on: " + way.early_end.reason)
-        ends.append(StartPlace(way.end, frames))
         return ""
 
     def _tell_unknown_frames(self) -> None:
@@ -213,6 +248,22 @@ class MotionCheck:
             self._has_told_frames = True
             self._actions.log(logging.WARNING, "the motion guard does not look at the way of lines and poses while the "
                               "active tool and user frame are not known, or do not fit the model; said once")
+
+
+def _found(looks: Looks[str]) -> Looks[str]:
+    """Return what a look returns, or in words that it has failed."""
+    try:
+        return (yield from looks)
+    except InvalidCommand as error:
+        return str(error)
+    except Exception as defect:
+        return "the motion guard has failed, so that nobody knows whether the way is clear: %r" % defect
+
+
+def _at_once(find: Callable[[], str]) -> Looks[str]:
+    """Return the look that takes a single step."""
+    return find()
+    yield 0
 
 
 def _place_text(share: float, length: float, reason: str) -> str:
@@ -228,6 +279,5 @@ def _times_of(path: Path) -> "np.ndarray[Tuple[int], np.dtype[np.float64]]":
     if path.approach is not None and begin < path.approach.until < path.end:
         marks = sorted({*marks, path.approach.until})
     counts = [max(1, int(np.ceil((b - a) / _SAMPLE_PERIOD_S))) for a, b in zip(marks, marks[1:])]
-    pieces: List[Sequence[float]] = [np.linspace(a, b, count, endpoint=False).tolist()
-                                     for a, b, count in zip(marks, marks[1:], counts)]
-    return np.array([at for piece in pieces for at in piece] + [path.end])
+    pieces = [np.linspace(a, b, count, endpoint=False) for a, b, count in zip(marks, marks[1:], counts)]
+    return np.concatenate([*pieces, [path.end]])

@@ -6,7 +6,7 @@ line between two places within reach may leave it, and the controller then stops
 from typing import Callable, Sequence
 
 from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck, StartPlace
-from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure, in_slices
 from jaka_ros_driver.commands import (
     ArcMove,
     Command,
@@ -50,13 +50,13 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
         if isinstance(command, JointMove):
             pose = yield Ask(ForwardKinematics(command.joint_position))
             places.append(PathPlace(command.joint_position, pose))
-            place = _looked_at(motion_check, command, place, command.joint_position, number)
+            place = yield from _looked_at(motion_check, command, place, command.joint_position, number, check)
             continue
         if isinstance(command, ArcMove):
             before = yield from _joints_at(command.via, before, audited, number, "via")
         joints = yield from _joints_at(command.target, before, audited, number, "target")
         places.append(PathPlace(joints, command.target))
-        place = _looked_at(motion_check, command, place, joints, number)
+        place = yield from _looked_at(motion_check, command, place, joints, number, check)
     return SegmentPath(commands, places)
 
 
@@ -71,12 +71,12 @@ def _joints_at(pose: Pose, reference: Vector, audited: Callable[[Command], Comma
 
 
 def _looked_at(motion_check: MotionCheck, command: PathCommand, place: StartPlace, joints: Vector,
-               number: int) -> StartPlace:
+               number: int, check: Callable[[], None]) -> Procedure:
     """Return the place behind a segment whose way is clear; where its joints are not known, those of the controller."""
     try:
-        place = motion_check.after_move(command, place)
+        place = yield from in_slices(motion_check.after_move(command, place), check)
         if place.joints is None:
-            place = motion_check.after_move(JointMove(joints, 0.1, 0.1), place)
+            place = yield from in_slices(motion_check.after_move(JointMove(joints, 0.1, 0.1), place), check)
         return place
     except InvalidCommand as error:
         raise InvalidCommand("segment %d: %s" % (number, error)) from error

@@ -9,14 +9,18 @@ is its result::
         return "level %d" % held
 """
 from functools import partial
-from typing import Any, Callable, Generator, NamedTuple, Optional, Union
+from typing import Any, Callable, Generator, NamedTuple, Optional, TypeVar, Union
 
+from jaka_ros_driver.clearance.guard import Looks
 from jaka_ros_driver.client.core.channel import CommandChannel, Requests
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol import codec
 
 _NEVER = float("inf")
+_SLICE_WORK = 1500
+_BREATH_S = 0.001
+"""The work of a slice, in that of a distance, and the pause behind it, s, in which a stop takes the lock."""
 
 
 class Ask(NamedTuple):
@@ -46,6 +50,7 @@ class Now(NamedTuple):
     """The step whose result is the present time, s."""
 
 
+T = TypeVar("T")
 Step = Union[Ask, SendAhead, Until, Now]
 Procedure = Generator[Step, Any, Any]
 OnEnd = Callable[[Any, Optional[JakaError], float], None]
@@ -175,3 +180,21 @@ class Running:
 def pause(seconds: float) -> Until:
     """Return a step that lets time pass, s."""
     return Until(lambda now: False, seconds)
+
+
+def in_slices(looks: Looks[T], check: Callable[[], None]) -> Generator[Step, Any, T]:
+    """Run a look of the motion guard to its end, in slices of some ms between which the core takes other events.
+
+    ``check`` is called after each slice; what it raises ends the look.
+    """
+    work = 0
+    while True:
+        try:
+            work += next(looks)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+        if work >= _SLICE_WORK:
+            work = 0
+            yield pause(_BREATH_S)
+            check()

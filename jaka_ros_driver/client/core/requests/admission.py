@@ -102,7 +102,7 @@ class Admission:
     """The queue of requests for the arm, of which one at a time is admitted.
 
     Attributes:
-        is_setting: A change that needs the arm at rest is being made.
+        is_setting: A change that needs the arm at rest is being made, or the way of a motion is looked at.
         is_guided: Hand guiding was switched on by this driver; not every feed has that.
         stops_under_way: Stops that were sent while nobody had custody, and are not answered yet.
     """
@@ -176,6 +176,11 @@ class Admission:
                 else "%s is still being ended" % holder.value))
         self._waiting.append(request)
         return False
+
+    def wait(self, request: ArmRequest, now: float) -> None:
+        """Have the request enter again later, behind those that wait already; until then its time does not count."""
+        request.asked_at, request.deadline = now, now + _WAIT_FOR_REST_S
+        self._waiting.append(request)
 
     def is_free_at_rest(self, owner: MotionOwner, now: float) -> bool:
         """Return whether a new motion may begin now; False while the arm comes to rest from an earlier one.

@@ -9,12 +9,14 @@ from jaka_ros_driver.client.core.actions import Actions, Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.jog import JogMotion
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.motion_guard.feed_watch import way_ahead
+from jaka_ros_driver.client.core.motion_guard.motion_check import StartPlace
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
 from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
 from jaka_ros_driver.client.core.point_stream import PointGate, PointStream, StreamPoint
-from jaka_ros_driver.client.core.procedures.steps import Procedure
+from jaka_ros_driver.client.core.procedures.steps import Procedure, in_slices
 from jaka_ros_driver.client.core.requests.admission import Admission, ArmRequest
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
@@ -100,6 +102,9 @@ class MoveRequest(_MotionRequest):
                  end: Token) -> None:
         super().__init__(call, arm, asked_at)
         self._command, self._wait, self._end = command, wait, end
+        self._stops = arm.stops.count
+        self._looked_from: Optional[StartPlace] = None
+        self._end_place = StartPlace.unknown()
 
     def audit(self) -> None:
         limits.check(self._command, self._arm.model)
@@ -108,14 +113,37 @@ class MoveRequest(_MotionRequest):
         running = self._arm.running(Move)
         if self._wait or running is None:
             return False
-        place = self._arm.custody.motion_check.after_move(self._command, running.place)
-        running.add(self._command, self.call, now, place, self._end)
+        if self._arm.admission.is_setting:  # another move is looked at: the queue keeps their order
+            self._arm.admission.wait(self, now)
+        elif self._is_looked_at(running.place, now):
+            running.add(self._command, self.call, now, self._end_place, self._end)
         return True
 
     def begin(self, now: float) -> None:
         custody, state = self._arm.custody, self._state(now)
-        place = custody.motion_check.after_move(self._command, custody.motion_check.place_of(state))
-        custody.begin(Move(custody, self._command, self.call, self._wait, state, place, self._end), now)
+        if self._is_looked_at(custody.motion_check.place_of(state), now):
+            custody.begin(Move(custody, self._command, self.call, self._wait, state, self._end_place, self._end), now)
+
+    def _is_looked_at(self, start: StartPlace, now: float) -> bool:
+        """Return whether the way from there was looked at; else look, and enter again behind that."""
+        if self._looked_from is not None and self._looked_from.is_near(start):
+            return True
+        self._looked_from, self._arm.admission.is_setting = start, True
+        self._arm.carry_out(in_slices(self._arm.custody.motion_check.after_move(self._command, start),
+                                      lambda: self._arm.stops.require_none_since(self._stops)), self._looked, now)
+        return False
+
+    def _looked(self, place: StartPlace, error: Optional[JakaError], now: float) -> None:
+        self._arm.admission.is_setting = False
+        try:
+            if error is not None:
+                raise error
+            self._end_place = place
+            self.enter(now)
+        except JakaError as refusal:
+            self._arm.actions.answer(self.call, None, refusal)
+        self._looked_from = None  # where it waits now, it is looked at again
+        self._arm.admission.retry(now)
 
 
 class PathRequest(_MotionRequest):
@@ -214,7 +242,12 @@ class JogRequest(_MotionRequest):
         return False
 
     def begin(self, now: float) -> None:
-        self._arm.custody.begin(JogMotion(self._arm.custody, self._command, self.call), now)
+        custody, state = self._arm.custody, self._state(now)
+        look, speeds = custody.motion_check.look(), custody.motion_check.jog_speeds(self._command, state)
+        trouble = "" if speeds is None else look(way_ahead(state.joint_position, speeds))
+        if trouble:
+            raise InvalidCommand("refused: where the jog would lead, " + trouble)
+        custody.begin(JogMotion(custody, self._command, self.call, look), now)
 
 
 class ServoModeRequest(_MotionRequest):
