@@ -78,7 +78,7 @@ def test_address_space_of_500_mb_beyond_the_start_is_enough(corpus, tmp_path, na
 def test_a_chunk_is_unpacked_to_what_it_claims_and_no_further(corpus):
     for name, reason in (("bz2_claims_1000.bag", "instead of 1000"), ("lz4_claims_1000.bag", "instead of 1000"),
                          ("bz2_claims_4_gb.bag", "JAKA_BAG_UNPACK_MB")):
-        with open_log(corpus / name) as reader, pytest.raises(BagFormatError, match=reason):
+        with pytest.raises(BagFormatError, match=reason), open_log(corpus / name) as reader:
             reader.load(reader.chunks[0])
 
 

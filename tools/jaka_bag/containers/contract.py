@@ -12,6 +12,7 @@ from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
+from ..pipeline import in_order
 from .compression import Allowance, check_codec, compressor
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
@@ -36,11 +37,24 @@ class ParsedChunk(NamedTuple):
         batch: The messages; ``connection`` holds the file's own ids (int64).
         connections: Connections declared beside them, by the file's id.
         consumed: Bytes understood; fewer than the chunk has where it is damaged or cut off.
+        is_misled: The chunk's index leads to other places than its messages.
     """
 
     batch: MessageBatch
     connections: Dict[int, Connection]
     consumed: int
+    is_misled: bool = False
+
+
+def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> ChunkRef:
+    """Return the index entry for messages that were read from bytes ``begin`` to before ``end``."""
+    if not len(batch):
+        return ChunkRef(begin, end, 0, 0, {}, is_loose)
+    numbers = distinct(batch.connection).tolist()
+    counts = np.bincount(batch.connection) if numbers[-1] < _LOOKUP_LIMIT else None
+    return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()), {
+        number: int((batch.connection == number).sum() if counts is None else counts[number]) for number in numbers},
+        is_loose)
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
@@ -71,7 +85,13 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
     parsed = scan(0, len(raw))
     if parsed.consumed != len(raw):
         raise BagFormatError("a record in a chunk is damaged")
-    return parsed
+    return parsed if offset is None else parsed._replace(is_misled=not _leads_to(offset, parsed.batch))
+
+
+def _leads_to(offset: Array, batch: MessageBatch) -> bool:
+    """Return whether each position is that of one message's record, before its payload and behind the one before it."""
+    before = np.concatenate([[0], (batch.start + batch.length)[:-1]])[:len(batch)]
+    return len(offset) == len(batch) and bool(((before <= offset) & (offset < batch.start)).all())
 
 
 class _Renumbering:
@@ -133,7 +153,20 @@ class LogReader:
         return sum(self.index.counts)
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
-        """Return the messages of one chunk, in the order of the file."""
+        """Return the messages of one chunk, in the order of the file.
+
+        Raises:
+            BagFormatError: The chunk is damaged, or holds messages where by the index there are none.
+        """
+        batch = self._load(chunk)
+        found = chunk_of(chunk.position, chunk.end, batch, chunk.is_loose)
+        if found.counts and not (chunk.start_time <= found.start_time and found.end_time <= chunk.end_time
+                                 and found.counts.keys() <= chunk.counts.keys()):
+            raise BagFormatError("%s: the chunk at byte %d holds messages of times or topics that the index does not "
+                                 "name (jaka_bag recover makes a log with a true index)" % (self.path, chunk.position))
+        return batch
+
+    def _load(self, chunk: ChunkRef) -> MessageBatch:
         raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
@@ -142,21 +175,22 @@ class LogReader:
             raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
                                  % (self.path, chunk.position, error)) from error
 
-    def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
-        """Return connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
-        entries = self._times_in_index(chunk)
-        if entries is None:
-            batch = self.load(chunk)
-            return batch.connection, batch.log_time
-        none = [np.zeros(0, np.int64)]
-        ids = np.concatenate([np.full(len(times), file_id, np.int64) for file_id, times in entries] or none)
-        return self._renumber(ids), np.concatenate([times for _, times in entries] or none)
+    def index_of_records(self) -> LogIndex:
+        """Return the index with the counts and times of the records, which are all read.
+
+        Raises:
+            BagFormatError: A chunk is damaged.
+        """
+        chunks = [chunk_of(chunk.position, chunk.end, batch, chunk.is_loose) for chunk, batch in zip(
+            self.chunks, in_order(self._load, self.chunks))]
+        filled = [chunk for chunk in chunks if chunk.counts]
+        return self.index._replace(
+            chunks=chunks, counts=[sum(chunk.counts.get(number, 0) for chunk in filled)
+                                   for number in range(len(self.connections))],
+            start_time=min((chunk.start_time for chunk in filled), default=None),
+            end_time=max((chunk.end_time for chunk in filled), default=None))
 
     def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
-        raise NotImplementedError
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        """Return log times by the file's id of the connection, from the chunk's own index; None without one."""
         raise NotImplementedError
 
     def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:

@@ -14,7 +14,7 @@ from ...containers.index import ChunkRef
 from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
-from ...messages.batch import Array, distinct
+from ...messages.batch import Array, MessageBatch, distinct
 from ...messages.columns import Columns, Part, columns_of
 from ...messages.definitions import types_of
 from ...messages.selection import Selection
@@ -206,9 +206,8 @@ class _Loader:
             rows[topic] = Rows(Arrivals(seconds), seconds, {})
         return rows
 
-    def _take_bytes(self, chunk: ChunkRef) -> None:
+    def _take_bytes(self, batch: MessageBatch) -> None:
         """Add to the scan the messages of a chunk whose fields are not known, by their bytes."""
-        batch = self._reader.load(chunk)
         for number in distinct(batch.connection).tolist():
             if number in self._timed:
                 some = batch.take(batch.connection == number)
@@ -225,12 +224,12 @@ class _Loader:
         if self._columns is not None and any(number in self._decoded for number in numbers):
             decoded = self._columns.parts(chunk, self._fields)
         if any(number in self._timed for number in numbers):
+            batch = self._reader.load(chunk)
             if self._with_contents and self._scan is not None:
-                self._take_bytes(chunk)
-            connection, log_time = self._reader.load_times(chunk)
-            for number in distinct(connection).tolist():
+                self._take_bytes(batch)
+            for number in distinct(batch.connection).tolist():
                 if number in self._timed:
-                    timed.setdefault(self._timed[number], []).append(log_time[connection == number])
+                    timed.setdefault(self._timed[number], []).append(batch.log_time[batch.connection == number])
         return decoded, {topic: np.concatenate(some) for topic, some in timed.items()}
 
     def _rows(self, topic: str, columns: Columns) -> Rows:

@@ -14,7 +14,7 @@ from ...messages.connection import Connection
 from .. import contract
 from ..compression import decompress
 from ..contract import LogReader, ParsedChunk
-from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex, read_at
+from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
 from . import records as fmt
 
 _HEAD = fmt.MESSAGE_HEAD.size
@@ -108,17 +108,11 @@ class McapReader(LogReader):
         data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
         if head.crc and zlib.crc32(data) != head.crc:
             raise BagFormatError("the chunk's CRC is wrong")
-        return parse_chunk(data, offsets_in(index_entries(raw, head.end)), {}).batch
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        if chunk.is_loose:
-            return None
-        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 256))
-        begin = chunk.position + head.end
-        if begin == chunk.end:
-            return None
-        entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
-        return [(channel, entry[:, 0].copy().view(np.int64)) for channel, entry in entries]
+        try:
+            offset = offsets_in(index_entries(raw, head.end))
+        except BagFormatError:  # the index only helps: the chunk's own records count
+            offset = None
+        return parse_chunk(data, offset, {}).batch
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""

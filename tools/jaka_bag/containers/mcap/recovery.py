@@ -11,9 +11,9 @@ import numpy as np
 from ...errors import BagFormatError
 from ...paths import PathLike
 from ..compression import decompress
-from ..contract import ParsedChunk
+from ..contract import ParsedChunk, chunk_of
 from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
-from ..recovery import LogRecovery, Stretch, chunk_of
+from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .reader import index_entries, offsets_in, parse_chunk, scan
 
@@ -168,6 +168,7 @@ class McapRecovery(LogRecovery):
             offset = None
         try:
             parsed = parse_chunk(full, offset, self._schemas)
+            self.misled += parsed.is_misled
         except BagFormatError as error:
             parsed = scan(full, self._schemas)
             self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.batch)))
