@@ -58,7 +58,7 @@ def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> Chunk
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
-                scan: Callable[[int, int], ParsedChunk]) -> ParsedChunk:
+                scan: Callable[[int, int], ParsedChunk], head_size: Callable[[int], int]) -> ParsedChunk:
     """Parse a chunk's records: many at once where the index leads to regular ones, else one by one and exact.
 
     Args:
@@ -66,6 +66,7 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
         offset: Positions of messages by the index, ascending, int64; None where there is no index.
         regular: Returns the messages at offsets of the chunk's bytes, uint8; None where one is no regular record.
         scan: Returns the records between two bytes, read one by one, up to the first that is damaged or cut off.
+        head_size: Returns the bytes of a message record before its payload, for one that begins at a byte.
 
     Raises:
         BagFormatError: A record is damaged.
@@ -85,13 +86,8 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
     parsed = scan(0, len(raw))
     if parsed.consumed != len(raw):
         raise BagFormatError("a record in a chunk is damaged")
-    return parsed if offset is None else parsed._replace(is_misled=not _leads_to(offset, parsed.batch))
-
-
-def _leads_to(offset: Array, batch: MessageBatch) -> bool:
-    """Return whether each position is that of one message's record, before its payload and behind the one before it."""
-    before = np.concatenate([[0], (batch.start + batch.length)[:-1]])[:len(batch)]
-    return len(offset) == len(batch) and bool(((before <= offset) & (offset < batch.start)).all())
+    starts = None if offset is None else [at + head_size(at) for at in offset.tolist()]
+    return parsed._replace(is_misled=starts is not None and starts != parsed.batch.start.tolist())
 
 
 class _Renumbering:

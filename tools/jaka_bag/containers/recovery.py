@@ -60,6 +60,7 @@ class LogRecovery:
         attachments: Whole attachments found so far.
         metadata: Whole metadata records found so far.
         allowance: Limits what the chunks unpack to.
+        notes: Bytes that are no part of the format and were skipped, one line each, so far.
         misled: Chunks so far whose own index leads to other places than their messages.
     """
 
@@ -74,6 +75,7 @@ class LogRecovery:
         self.metadata: List[MetadataIndex] = []
         self.allowance = Allowance(size)
         self.misled = 0
+        self.notes: List[str] = []
 
     def learn(self, connections: Dict[int, Connection]) -> None:
         """Take up descriptions of connections; of several of one connection an intact one is kept."""

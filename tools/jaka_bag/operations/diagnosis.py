@@ -63,7 +63,8 @@ class _Findings:
         self.list.append(Finding("warning", text))
 
     def note(self, text: str) -> None:
-        self.list.append(Finding("note", text))
+        if Finding("note", text) not in self.list:
+            self.list.append(Finding("note", text))
 
 
 class _Messages:
@@ -198,6 +199,8 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
             done = stretch.end
         seen.finish()
     is_active = str(path).endswith(".active")
+    for note in recovery.notes:
+        findings.note(note)
     losses = [loss for loss in recovery.losses if not (is_active and loss.end >= recovery.size)]
     for loss in losses[:_MOST_LOSSES]:
         findings.error(loss.describe())

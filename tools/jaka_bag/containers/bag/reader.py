@@ -99,7 +99,10 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> ParsedChunk:
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> ParsedChunk:
     """Return the records of a bag chunk; see ``contract.parse_chunk``."""
-    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
+    def head_size(at: int) -> int:
+        return 8 + int(_U32.unpack_from(raw, at)[0]) if at + 4 <= len(raw) else 0
+
+    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end), head_size)
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:

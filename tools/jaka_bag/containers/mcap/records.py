@@ -39,6 +39,7 @@ _LATEST = (1 << 63) - 1
 _WINDOW = 4 << 20
 _MAX_UNKNOWN = 4096
 """Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
+DEFINED_AGAIN = "channel %d is defined again with another topic"
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
@@ -292,6 +293,24 @@ def read_file_head(descriptor: int) -> Tuple[str, str, int]:
     return cursor.text(), cursor.text(), begin + size
 
 
+def end_of_records(descriptor: int, size: int) -> int:
+    """Return the end of a file without the zeros behind its last magic bytes; its size where there are none."""
+    end = size
+    while end > 0:
+        begin = max(end - _WINDOW, 0)
+        kept = read_at(descriptor, begin, end - begin).rstrip(b"\0")
+        if kept:
+            end = begin + len(kept)
+            break
+        end = begin
+    return end if read_at(descriptor, max(end - len(MAGIC), 0), len(MAGIC)) == MAGIC else size
+
+
+def zeros_behind(end: int, size: int) -> List[str]:
+    """Return the note on the zeros between ``end_of_records`` and a file's end, if there are any."""
+    return ["%d bytes at byte %d are zero and were skipped" % (size - end, end)] if end < size else []
+
+
 def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
     """Start of the summary (0: the file has none) and its CRC (0: not given)."""
     tail_size = FOOTER_SIZE + len(MAGIC)
@@ -361,15 +380,22 @@ def _index_behind(raw: bytes) -> IndexTotals:
     return totals
 
 
-def _holds_messages(descriptor: int, begin: int, end: int) -> bool:
-    """Return whether there are messages, or bytes that are no records, between two positions of the data section."""
+def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connection]) -> bool:
+    """Return whether the data section between two bytes, outside of named chunks, holds nothing but what is known.
+
+    That is no message, no bytes that are no records, and no channel of another topic than the summary has.
+    """
     while begin < end:
         head = read_at(descriptor, begin, RECORD_HEAD.size)
         opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
         begin += RECORD_HEAD.size + length
         if opcode in (0, CHUNK, MESSAGE) or begin > end:
-            return True
-    return False
+            return False
+        if opcode == CHANNEL:
+            number, channel = parse_channel(read_at(descriptor, begin - length, length), {})
+            if number not in channels or channels[number].topic != channel.topic:
+                return False
+    return True
 
 
 def _is_data_intact(descriptor: int, end: int) -> bool:
@@ -393,7 +419,7 @@ def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> 
     found: Dict[int, IndexTotals] = {}
     counts: Counter[int] = Counter()
     for chunk in summary.chunks:
-        if _holds_messages(descriptor, begin, chunk.position):
+        if not _is_named(descriptor, begin, chunk.position, summary.channels):
             return "it does not name all that lies before byte %d" % chunk.position, found
         behind = chunk.position + chunk.size
         totals = found[chunk.position] = _index_behind(read_at(descriptor, behind, chunk.index_size))
@@ -402,7 +428,7 @@ def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> 
         if not chunk.index_offsets.keys() >= totals.counts.keys() or totals.contradicts(
                 chunk.start_time, chunk.end_time) or chunk.end_time > _LATEST:
             return "channels or times of the chunk at byte %d are not those of its messages" % chunk.position, found
-    if _holds_messages(descriptor, begin, end):
+    if not _is_named(descriptor, begin, end, summary.channels):
         return "it does not name all that lies behind byte %d" % begin, found
     statistics = summary.statistics
     assert statistics is not None
@@ -415,7 +441,8 @@ def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> 
 
 def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     """Read the index of an MCAP; return None for a whole file without a usable summary."""
-    size = os.fstat(descriptor).st_size
+    file_size = os.fstat(descriptor).st_size
+    size = end_of_records(descriptor, file_size)
     profile, library, data_start = read_file_head(descriptor)
     summary = read_summary(descriptor, size)
     if summary is None or not _is_complete(summary):
@@ -447,7 +474,7 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     if filled and (first, last) != (statistics.start_time, statistics.end_time):
         contradiction = contradiction or "its times are not those of the messages"
     counts = [statistics.channel_messages.get(channel, 0) for channel in numbers]
-    return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts, first, last,
-                    profile, library, tuple(attachments), tuple(metadata),
+    return LogIndex("mcap", "0", str(path), file_size, list(summary.channels.values()), numbers, chunks, counts, first,
+                    last, profile, library, tuple(attachments), tuple(metadata),
                     codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
-                                 for c in summary.chunks), contradiction=contradiction)
+                                 for c in summary.chunks), tuple(zeros_behind(size, file_size)), contradiction)
