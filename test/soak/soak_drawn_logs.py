@@ -35,6 +35,8 @@ def main() -> int:
             except AssertionError as error:
                 failed += 1
                 print("seed %d, %s, lie %s: %s" % (seed, log.path.suffix, log.lie, error), flush=True)
+        if seed % 500 == 499:
+            print("up to seed %d: %d with another answer" % (seed, failed), flush=True)
     for (suffix, lie), count in sorted(drawn.items()):
         print("%-6s %-13s %5d logs" % (suffix, lie, count))
     print("%d logs, %d with another answer" % (sum(drawn.values()), failed))

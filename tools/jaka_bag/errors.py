@@ -25,6 +25,10 @@ class BagFormatError(BagError):
     """The bytes are not those of the format: damaged, cut short, encrypted or of another version."""
 
 
+class LimitReached(BagFormatError):
+    """A log that asks for more than a reader gives to one that may come from anyone; the text says how to raise it."""
+
+
 class OutputExists(BagError):
     """The output is there already and overwriting was not asked for, or another program is writing it."""
 

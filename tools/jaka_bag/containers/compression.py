@@ -6,15 +6,18 @@ import os
 import threading
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-from ..errors import BagError, BagFormatError, MissingDependency
+from ..errors import BagError, BagFormatError, LimitReached, MissingDependency
 from .index import Buffer
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
-_CHUNK_FLOOR, _CHUNK_RATIO = 32 << 20, 50
-_FILE_FLOOR, _FILE_RATIO = 64 << 20, 100
-"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger."""
+_CHUNK_FLOOR, _CHUNK_RATIO = 128 << 20, 50
+_FILE_FLOOR, _FILE_RATIO = 8 << 30, 100
+"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger.
+
+That of a chunk bounds memory, that of a file time and what an output takes.
+"""
 _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 """Environment variable, MB, that raises both limits for a file that is trusted."""
 
@@ -78,10 +81,21 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
     return lambda data: data if isinstance(data, bytes) else bytes(data)
 
 
+def is_readable(size: int, stored: int) -> bool:
+    """Return whether every reader unpacks a chunk of ``stored`` bytes to ``size`` bytes."""
+    return size <= max(_CHUNK_FLOOR, _CHUNK_RATIO * stored)
+
+
 def _limit(floor: int, ratio: int, stored: int) -> int:
-    """Return the largest uncompressed size, byte, that a chunk of ``stored`` bytes may claim."""
+    """Return the largest uncompressed size, byte, that ``stored`` bytes may claim."""
     trusted = os.environ.get(_LIMIT_NAME, "")
     return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdigit() else 0)
+
+
+def _limit_reached(what: str, claimed: int, limit: int) -> LimitReached:
+    return LimitReached("%s unpacked to %d MB; a limit, not damage: up to %d MB are unpacked, and %d with %s=%d in the "
+                        "environment" % (what, claimed // 1000000, limit // 1000000, claimed // 1000000 + 1,
+                                         _LIMIT_NAME, claimed // 1000000 + 1))
 
 
 class Allowance:
@@ -101,14 +115,13 @@ class Allowance:
         """Allow the chunk at a position of the file to unpack to ``size`` bytes.
 
         Raises:
-            BagFormatError: The chunks claim too much.
+            LimitReached: The chunks claim too much.
         """
         with self._lock:
             self._total += size - self._claimed.get(position, 0)
             self._claimed[position] = size
             if self._total > self._limit:
-                raise BagFormatError("the chunks claim more than %d MB when they are unpacked (%s=N in the environment "
-                                     "allows N MB)" % (self._limit // 1000000, _LIMIT_NAME))
+                raise _limit_reached("its chunks up to here are", self._total, self._limit)
 
 
 def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
@@ -137,12 +150,12 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     """Decompress one chunk into its ``size`` bytes; never use more memory than that.
 
     Raises:
-        BagFormatError: The data is damaged, its size is not ``size``, or it claims too much.
+        BagFormatError: The data is damaged, or its size is not ``size``.
+        LimitReached: It claims too much.
     """
     most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
     if size < 0 or (codec not in ("none", "") and size > most):
-        raise BagFormatError("a chunk of %d bytes claims %d bytes; more than %d are not unpacked (%s=N in the "
-                             "environment allows N MB)" % (len(data), size, most, _LIMIT_NAME))
+        raise _limit_reached("a chunk of %d bytes is" % len(data), size, most)
     result: Buffer
     try:
         if codec in ("none", ""):

@@ -6,14 +6,14 @@ from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optiona
 
 import numpy as np
 
-from ..errors import BagError, BagFormatError, WriteFailed
+from ..errors import BagError, BagFormatError, LimitReached, WriteFailed
 from ..messages.batch import Array, MessageBatch, copy_pieces, distinct, uncovered, windows
 from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..pipeline import in_order
-from .compression import Allowance, check_codec, compressor
+from .compression import Allowance, check_codec, compressor, is_readable
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
 Self = TypeVar("Self", bound="LogWriter")
@@ -167,6 +167,8 @@ class LogReader:
         try:
             batch = self._parse(chunk, raw)
             return batch.replace(connection=self._renumber(batch.connection))
+        except LimitReached as error:
+            raise LimitReached("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
         except BagFormatError as error:
             raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
                                  % (self.path, chunk.position, error)) from error
@@ -177,8 +179,8 @@ class LogReader:
         Raises:
             BagFormatError: A chunk is damaged.
         """
-        chunks = [chunk_of(chunk.position, chunk.end, batch, chunk.is_loose) for chunk, batch in zip(
-            self.chunks, in_order(self._load, self.chunks))]
+        chunks = list(in_order(lambda chunk: chunk_of(
+            chunk.position, chunk.end, self._load(chunk), chunk.is_loose), self.chunks))
         filled = [chunk for chunk in chunks if chunk.counts]
         return self.index._replace(
             chunks=chunks, counts=[sum(chunk.counts.get(number, 0) for chunk in filled)
@@ -232,6 +234,7 @@ class EncodedChunk(NamedTuple):
         counts: Messages by the file's id of the connection.
         start_time: Earliest log time, ns.
         end_time: Latest log time, ns.
+        codec: Compression of the body.
         size: Bytes of the data, uncompressed.
         declared: Connections, by the file's id, whose records it carries.
     """
@@ -242,6 +245,7 @@ class EncodedChunk(NamedTuple):
     counts: Dict[int, int]
     start_time: int
     end_time: int
+    codec: str
     size: int
     declared: Tuple[int, ...] = ()
 
@@ -393,6 +397,11 @@ class LogWriter:
             BagError: A time or the size of the batch does not fit into the format.
         """
         raise NotImplementedError
+
+    def _packed(self, data: Array) -> Tuple[str, bytes]:
+        """Return the codec and the stored bytes of a chunk: none where readers would not unpack them."""
+        body = self._compress(data.data)
+        return (self._codec, body) if is_readable(len(data), len(body)) else ("none", data.tobytes())
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
         """Write a chunk that ``encode`` made (None: nothing) after what was written so far."""
