@@ -6,7 +6,7 @@ import os
 import threading
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-from ..errors import BagError, BagFormatError, LimitReached, MissingDependency
+from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .index import Buffer
 
 MCAP_CODECS = ("none", "lz4", "zstd")
@@ -79,6 +79,11 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
         import bz2
         return lambda data: bz2.compress(data, 9 if level is None else level)
     return lambda data: data if isinstance(data, bytes) else bytes(data)
+
+
+def unknown_codec(name: str) -> NotSupported:
+    """Return the error about a codec that is none of this package's."""
+    return NotSupported("the compression %r is not supported; the log is not damaged" % name[:20])
 
 
 def is_readable(size: int, stored: int) -> bool:
@@ -176,7 +181,7 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
         elif codec == "bz2":
             result = _decompress_bz2(data, size)
         else:
-            raise BagFormatError("compression %r is not known" % codec)
+            raise unknown_codec(codec)
     except BagError:
         raise
     except Exception as error:  # each library has error types of its own

@@ -6,7 +6,7 @@ from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optiona
 
 import numpy as np
 
-from ..errors import BagError, BagFormatError, LimitReached, WriteFailed
+from ..errors import BagError, BagFormatError, LimitReached, NotSupported, WriteFailed
 from ..messages.batch import Array, MessageBatch, copy_pieces, distinct, uncovered, windows
 from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
@@ -167,8 +167,8 @@ class LogReader:
         try:
             batch = self._parse(chunk, raw)
             return batch.replace(connection=self._renumber(batch.connection))
-        except LimitReached as error:
-            raise LimitReached("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
+        except (LimitReached, NotSupported) as error:
+            raise type(error)("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
         except BagFormatError as error:
             raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
                                  % (self.path, chunk.position, error)) from error

@@ -154,6 +154,17 @@ class IndexTotals:
         return bool(self.counts) and (self.start_time, self.end_time) != (start_time, end_time)
 
 
+def _what_is_there(path: str) -> str:
+    """Return a word for a path that is no plain file."""
+    if not os.path.isdir(path):
+        return "no plain file"
+    names = os.listdir(path)
+    if "metadata.yaml" in names:
+        return "a rosbag2 folder (jaka_bag convert makes a log of it)"
+    is_part = any(name.endswith((".db3", ".mcap")) for name in names)
+    return "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" if is_part else "a folder"
+
+
 def open_for_reading(path: PathLike) -> BinaryIO:
     """Open a file that must exist, unbuffered.
 
@@ -166,7 +177,7 @@ def open_for_reading(path: PathLike) -> BinaryIO:
         raise BagError("cannot read %s: %s" % (path, error.strerror)) from error
     if not os.path.isfile("/dev/fd/%d" % descriptor):
         os.close(descriptor)
-        raise BagError("cannot read %s: it is %s" % (path, "a folder" if os.path.isdir(str(path)) else "no plain file"))
+        raise BagError("cannot read %s: it is %s" % (path, _what_is_there(str(path))))
     return os.fdopen(descriptor, "rb", buffering=0)
 
 

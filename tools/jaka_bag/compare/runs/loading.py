@@ -16,7 +16,7 @@ from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, MessageBatch, distinct
 from ...messages.columns import Columns, Part, columns_of
-from ...messages.definitions import types_of
+from ...messages.definitions import definition_md5, types_of
 from ...messages.selection import Selection
 from ...operations.columns import ColumnReader, chunk_groups
 from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
@@ -32,6 +32,8 @@ JOINT_STATE = "sensor_msgs/JointState"
 STATE_TYPES = (STATE_TYPE, "industrial_msgs/RobotStatus")
 _HEADER_FIELDS = ("header.stamp", "header.seq")
 _FRAME = "header.frame_id"
+_MD5SUMS = {JOINT_STATE: "3066dcd76a6cfaef579bd0f34173e9fd", TWIST_TYPE: "98d34b0043a2093cf9d9345ab6eef12e",
+            POSE_TYPE: "d3812c3cbc69362b77dc0b19b345f8f5"}
 _SCANS = 4
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
@@ -163,11 +165,22 @@ class _Loader:
             return False
         return True
 
+    def _has_known_fields(self, topic: str, datatype: str) -> bool:
+        """Return whether a topic's definition is ROS's own of that type, where fields are taken by their names."""
+        md5sum = _MD5SUMS.get(datatype)
+        definition = next(c.definition for c in self._reader.connections if c.topic == topic)
+        try:
+            return md5sum is None or definition_md5(datatype, definition) == md5sum
+        except DefinitionError:
+            return True  # whoever decodes it tells why it cannot
+
     def _kind(self, topic: str) -> Optional[str]:
         """Return the type of a topic whose purpose is known; None for others."""
         if len(self._types[topic]) > 1:
             return None
         datatype = next(iter(self._types[topic]))[0]
+        if not self._has_known_fields(topic, datatype):
+            return None
         is_known = datatype in (JOINT_STATE, CALL_TYPE, *STATE_TYPES) or (
             datatype in _POSE_PARTS and topic.endswith("/" + POSE_NAME))
         return datatype if is_known else None

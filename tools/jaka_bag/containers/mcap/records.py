@@ -11,6 +11,7 @@ from typing import Counter, Dict, Iterator, List, NamedTuple, Optional, Tuple
 from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
+from ..compression import unknown_codec
 from ..index import (
     AttachmentIndex,
     Buffer,
@@ -225,7 +226,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
     codec = cursor.text()
     stored = cursor.number("Q")
     if codec not in _CODECS:
-        raise BagFormatError("compression %r is not known" % codec[:20])
+        raise unknown_codec(codec)
     if not 0 <= end - cursor.at - stored <= _MAX_UNKNOWN:
         raise BagFormatError("a chunk record is damaged")
     return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored, end)
