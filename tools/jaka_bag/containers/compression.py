@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .index import Buffer
+from .lz4_cut import cut_off_part
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
@@ -216,17 +217,20 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
     else:
         return b""
     rest = memoryview(data)
+    is_cut = False
 
     def step(left: int) -> bytes:
-        nonlocal rest
+        nonlocal rest, is_cut
         part = b""
         while not part and not decoder.eof and (len(rest) or not decoder.needs_input):
             taken = bytes(rest[:_PIECE]) if decoder.needs_input else b""
             rest = rest[len(taken):]
             part = decoder.decompress(taken, max_length=min(_STEP, left))
+        is_cut = not part and not decoder.eof
         return part
 
-    return _joined(step, most)
+    whole = _joined(step, most)
+    return whole + cut_off_part(bytes(data), whole, most - len(whole)) if is_cut and codec == "lz4" else whole
 
 
 def _joined(step: Callable[[int], bytes], most: int) -> bytes:
