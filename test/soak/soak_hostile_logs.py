@@ -13,8 +13,8 @@ from pathlib import Path
 TEST = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TEST / "support" / "logs"), str(TEST / "jaka_bag" / "cli"), str(TEST.parent / "tools")]
 
-from hostile_logs import HOSTILE, make  # noqa: E402
-from test_hostile_logs import MOST_BYTES, MOST_CPU_S, RUN_ALL, commands  # noqa: E402
+from hostile_logs import HOSTILE, MOST_BYTES, MOST_CPU_S, RUN_ALL, make  # noqa: E402
+from test_hostile_logs import commands  # noqa: E402
 
 
 def main() -> int:

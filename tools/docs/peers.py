@@ -69,7 +69,8 @@ OPTIONS: Dict[str, Dict[str, Peers]] = {
     "info": {"--freq": Peers("--freq"), "--key": Peers("-k, --key"), "--yaml": Peers("-y, --yaml")},
     "convert": {
         **_OUTPUT, "--force": Peers("-f, --force"),
-        "--compression": Peers("compress -j, --lz4", "--compression", "")},
+        "--lz4": Peers("compress --lz4"), "--bz2": Peers("compress -j"),
+        "--compression": Peers("", "--compression", "")},
     "filter": {**_SELECTION, **_OUTPUT, **_COMPRESSION},
     "merge": {"--output": Peers("", "-o", "-o"), "--compression": Peers("", "--compression", "")},
     "split": {},

@@ -25,6 +25,14 @@ class BagFormatError(BagError):
     """The bytes are not those of the format: damaged, cut short, encrypted or of another version."""
 
 
+class LimitReached(BagFormatError):
+    """A log that asks for more than a reader gives to one that may come from anyone; the text says how to raise it."""
+
+
+class NotSupported(BagFormatError):
+    """A log that is not damaged, but has what this version cannot read."""
+
+
 class OutputExists(BagError):
     """The output is there already and overwriting was not asked for, or another program is writing it."""
 

@@ -6,12 +6,13 @@ import subprocess
 import sys
 
 import pytest
-from log_samples import state_log, write
+from log_samples import read, state_log, write
 from program_places import command_of
 
 from jaka_bag.cli.completion import options_by_command
 from jaka_bag.cli.main import COMMANDS, load_command, main
 from jaka_bag.cli.options import Progress
+from jaka_bag.containers.registry import read_index
 
 WITHOUT_ROS = [name for name in COMMANDS if name not in ("record", "play")]
 
@@ -150,3 +151,22 @@ def test_a_terminal_sees_a_bar_and_quiet_sees_none(tmp_path, root):
 def test_a_silent_progress_does_nothing():
     with Progress(100, "x", None) as progress:
         progress(50, 1)
+
+
+def test_the_options_and_forms_that_users_of_rosbag_know(tmp_path, capsys):
+    log = write(tmp_path / "log.bag", state_log(0.5))
+    for option, codec in (("--lz4", "lz4"), ("-j", "bz2")):
+        for command in ("convert", "filter", "recover"):
+            out = tmp_path / ("%s_%s.bag" % (command, codec))
+            assert main([command, str(log), str(out), option, "-q"]) == 0
+            assert [entry[0] for entry in read_index(out).codecs] == [codec]
+    assert main(["merge", str(log), str(tmp_path / "merged.mcap"), "-q"]) == 0
+    assert read(tmp_path / "merged.mcap") == read(log)
+    before = log.read_bytes()
+    assert main(["merge", str(tmp_path / "merged.mcap"), str(log), "-f"]) == 2
+    assert "an output is needed: -o DST, or a last name that no file has yet" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    assert main(["filter", str(log), str(tmp_path / "f.bag"), "topic == '/model'"]) == 2
+    assert "there are no expressions as rosbag's" in capsys.readouterr().err
+    assert main(["filter", str(log), str(tmp_path / "f.bag"), "topic == '/model' or topic == \"/b\""]) == 2
+    assert "here: -t /model /b" in capsys.readouterr().err

@@ -187,3 +187,21 @@ def test_programs_end_with_the_codes_that_are_told(log, root, tmp_path):
     status, out, err = code("cat", log, tmp_path / "missing.bag", "--types", MODEL.datatype)
     assert status == 1 and out.count(b"\n") == 1 and b"missing.bag" in err
     assert code("reindex", log)[0] == 2 and code("--version")[:2] == (0, b"jaka_bag %s\n" % __version__.encode())
+
+
+def test_what_cannot_be_read_is_named_for_what_it_is(tmp_path, capsys):
+    folder = tmp_path / "talk"
+    folder.mkdir()
+    (folder / "talk_0.db3").write_bytes(b"SQLite format 3\0")
+    assert main(["info", str(folder)]) == 1
+    assert "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" in capsys.readouterr().err
+    log = write(tmp_path / "log.mcap", SAMPLES, "zstd")
+    raw = log.read_bytes().replace(b"\x04\0\0\0zstd", b"\x04\0\0\0zstx")
+    (tmp_path / "odd.mcap").write_bytes(raw[:-12] + bytes(4) + raw[-8:])  # without the summary's CRC
+    assert main(["cat", str(tmp_path / "odd.mcap")]) == 1
+    told = capsys.readouterr().err
+    assert "the compression 'zstx' is not supported; the log is not damaged" in told and "recover" not in told
+    os.symlink("loop.html", str(tmp_path / "loop.html"))
+    assert main(["compare", str(log), str(log), "--html", str(tmp_path / "loop.html")]) == 2
+    assert main(["report", str(log), "-o", str(tmp_path / "loop.html")]) in (1, 2)
+    assert "Traceback" not in capsys.readouterr().err

@@ -89,7 +89,7 @@ def test_an_mcap_chunk_is_read_alike_fast_and_exact(items, index_kind):
     elif index_kind == "points elsewhere":
         offsets = sorted(offsets + others[:1])
     index = None if index_kind == "none" else np.array(offsets, np.int64)
-    parsed = mcap_chunk.parse_chunk(raw, index, {})
+    parsed = mcap_chunk.parse_chunk(raw, index, mcap_chunk.Channels())
     assert content(parsed.batch) == truth
     assert set(parsed.connections) == declared
     assert all(c.datatype == STATES.datatype and c.md5sum == STATES.md5sum for c in parsed.connections.values())
@@ -109,5 +109,5 @@ def test_a_damaged_record_in_an_mcap_chunk_is_an_error():
     good = mcap_format.MESSAGE_HEAD.pack(mcap_format.MESSAGE, 22, 1, 0, 5, 5)
     for bad in (good[:-1], struct.pack("<BQ", mcap_format.MESSAGE, 3) + b"abc", bytes(40)):
         with pytest.raises(BagFormatError):
-            mcap_chunk.parse_chunk(good + bad, None, {})
-        assert len(mcap_chunk.scan(good + bad, {}).batch) == 1
+            mcap_chunk.parse_chunk(good + bad, None, mcap_chunk.Channels())
+        assert len(mcap_chunk.scan(good + bad, mcap_chunk.Channels()).batch) == 1

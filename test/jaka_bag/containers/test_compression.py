@@ -1,6 +1,9 @@
 import os
+import random
 
 import pytest
+from log_samples import in_order, read, state_log, write
+from lz4 import frame
 
 from jaka_bag.containers.compression import (
     BAG_CODECS,
@@ -10,7 +13,9 @@ from jaka_bag.containers.compression import (
     decompress,
     decompress_partly,
 )
+from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, BagFormatError
+from jaka_bag.operations.recover import recover
 
 CODECS = sorted(set(BAG_CODECS + MCAP_CODECS))
 DATA = os.urandom(1000) + b"state log " * 200000
@@ -44,7 +49,7 @@ def test_the_start_of_a_cut_off_chunk_is_read(codec):
 
 
 def test_a_chunk_cannot_claim_all_memory():
-    with pytest.raises(BagFormatError, match="claims"):
+    with pytest.raises(BagFormatError, match="a limit, not damage"):
         decompress("zstd", b"", 1 << 40)
 
 
@@ -59,3 +64,29 @@ def test_unknown_codecs_are_named():
 def test_zstd_frames_tell_their_size():
     import zstandard
     assert zstandard.frame_content_size(compressor("zstd")(DATA)) == len(DATA)
+
+
+@pytest.mark.parametrize("is_linked", [True, False])
+@pytest.mark.parametrize("block_size", [frame.BLOCKSIZE_MAX64KB, frame.BLOCKSIZE_MAX4MB])
+def test_an_lz4_frame_gives_all_before_its_cut(is_linked, block_size):
+    dice = random.Random(5)
+    raw = b"".join(dice.choice([b"abc" * dice.randrange(90), bytes(dice.randrange(700)), DATA[:dice.randrange(50)]])
+                   for _ in range(3000))
+    stored = frame.compress(raw, block_linked=is_linked, block_size=block_size, block_checksum=is_linked)
+    for cut in [dice.randrange(7, len(stored)) for _ in range(40)]:
+        found = decompress_partly("lz4", stored[:cut])
+        assert raw.startswith(found) and len(found) >= 0.8 * len(raw) * (cut / len(stored)) - 3000, cut
+    assert decompress_partly("lz4", stored[:-20], 1000) == raw[:1000]
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+def test_a_cut_lz4_chunk_loses_no_more_than_what_is_behind_the_cut(tmp_path, suffix):
+    samples = state_log(20.0)
+    path = write(tmp_path / ("log" + suffix), samples, "lz4", chunk_size=1 << 22)
+    with open_log(path) as reader:
+        assert len(reader.chunks) == 1
+        chunk = reader.chunks[0]
+    path.write_bytes(path.read_bytes()[:chunk.position + (chunk.end - chunk.position) * 4 // 5])
+    result = recover(path, tmp_path / ("out" + suffix))
+    assert result.messages > 0.7 * len(samples)
+    assert read(tmp_path / ("out" + suffix)) == in_order(samples[:result.messages])

@@ -1,14 +1,29 @@
 """The variants of MCAP files, each read with the same content, also where records have fields of later versions."""
 import json
+import struct
 from collections import Counter
 
 import pytest
 from mcap.reader import NonSeekingReader
-from mcap_variants import ATTACHMENT, CONTENTS, FACTS, MESSAGE, METADATA, build, variants
+from mcap_variants import (
+    ATTACHMENT,
+    CHANNEL,
+    CONTENTS,
+    FACTS,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    build,
+    record,
+    text,
+    text_map,
+    variants,
+)
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.registry import open_log, read_index
 from jaka_bag.containers.time_order import messages_of
+from jaka_bag.errors import BagFormatError
 from jaka_bag.operations.convert import Job, convert_file
 from jaka_bag.operations.merge import merge
 from jaka_bag.operations.recover import recover
@@ -90,3 +105,61 @@ def test_what_the_statistics_count_is_found_without_reading_messages(tmp_path, m
     index = read_index(tmp_path / "log.mcap")
     assert [entry.name for entry in index.metadata] == ["facts"] and sum(index.counts) == 1
     assert index.codecs, "the summary was used, the chunks were not read"
+
+
+def two_topics():
+    """Return an MCAP of ten messages whose channel is defined again, as /late, before the last five."""
+    content = CONTENTS["TenMessages"]
+    raw = build(content, ())
+    again = record(CHANNEL, struct.pack("<HH", 1, 1) + text("/late") + text("ros1") + text_map({}))
+    message = record(MESSAGE, struct.pack("<HIQQ", 1, 5, content.items[5].time, content.items[5].time + 1))[9:]
+    at = raw.index(message) - 9
+    return raw[:at] + again + raw[at:]
+
+
+def test_a_channel_that_is_defined_again_with_another_topic_is_refused_and_recovered(tmp_path, capsys):
+    path = tmp_path / "again.mcap"
+    path.write_bytes(two_topics())
+    for words in (["info", path], ["convert", path, "-o", tmp_path / "out.bag"], ["cat", path]):
+        assert main(list(map(str, words))) == 1
+        assert "channel 1 is defined again with another topic" in capsys.readouterr().err
+    assert main(["doctor", str(path)]) == 1
+    assert "is defined again with another topic" in capsys.readouterr().out
+    assert recover(path, tmp_path / "out.mcap").messages == 10
+    with open_log(tmp_path / "out.mcap") as reader:
+        assert Counter(m.connection.topic for m in messages_of(reader)) == {"/example": 5, "/late": 5}
+
+
+def test_a_channel_that_another_chunk_defines_with_another_topic_is_refused(tmp_path):
+    whole = build(CONTENTS["TenMessages"], ("ch", "chx", "mx", "rch", "rsh", "st"))
+    at = whole.rindex(b"/example")  # in the summary
+    path = tmp_path / "other.mcap"
+    path.write_bytes(whole[:at] + b"/elsewhe" + whole[at + 8:-12] + bytes(4) + whole[-8:])
+    with open_log(path) as reader, pytest.raises(BagFormatError, match="channel 1 is defined again with another topic"):
+        list(messages_of(reader))
+
+
+def test_a_record_of_a_kind_that_the_format_may_yet_define_is_skipped(tmp_path, capsys):
+    raw = build(CONTENTS["TenMessages"], ())
+    at = len(MAGIC) + 9 + struct.unpack_from("<Q", raw, len(MAGIC) + 1)[0]
+    path = tmp_path / "later.mcap"
+    path.write_bytes(raw[:at] + record(0x20, b"of a later version") + raw[at:])
+    assert found(path) == expected(CONTENTS["TenMessages"])
+    note = "a record of the unknown kind 32 at byte %d was skipped" % at
+    assert read_index(path).notes == (note,)
+    assert main(["doctor", str(path)]) == 0 and note in capsys.readouterr().out
+    result = recover(path, tmp_path / "out.mcap")
+    assert result.is_whole and result.messages == 10 and result.notes == (note,)
+
+
+@pytest.mark.parametrize("features", [(), ("ch", "chx", "mx", "rch", "rsh", "st")])
+def test_zeros_behind_the_file_are_skipped_and_told(tmp_path, capsys, features):
+    path = tmp_path / "padded.mcap"
+    raw = build(CONTENTS["TenMessages"], features)
+    path.write_bytes(raw + bytes(5000))
+    note = "5000 bytes at byte %d are zero and were skipped" % len(raw)
+    assert found(path) == expected(CONTENTS["TenMessages"])
+    assert read_index(path).notes == (note,)
+    assert main(["doctor", str(path)]) == 0 and note in capsys.readouterr().out
+    result = recover(path, tmp_path / "out.mcap")
+    assert result.is_whole and result.messages == 10 and result.notes == (note,)

@@ -213,15 +213,6 @@ def test_memory_of_reading_does_not_grow_with_the_log(tmp_path):
     assert count == 7501 and peak < 1500000
 
 
-def test_load_times_needs_the_index_alone(tmp_path):
-    for name in ("log.bag", "log.mcap"):
-        with open_log(write(tmp_path / name, SAMPLES)) as reader:
-            for chunk in reader.chunks:
-                full, (numbers, times) = reader.load(chunk), reader.load_times(chunk)
-                assert sorted(zip(full.connection.tolist(), full.log_time.tolist())) == sorted(
-                    zip(numbers.tolist(), times.tolist()))
-
-
 def test_what_is_no_log_is_refused_in_one_line(tmp_path):
     (tmp_path / "empty").write_bytes(b"")
     (tmp_path / "text").write_text("hello, this is no log")

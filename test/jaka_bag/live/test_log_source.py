@@ -111,7 +111,7 @@ def test_damage_is_told_to_the_player(tmp_path):
     log = tmp_path / "log.mcap"
     write(log, [("/a", i + 1, "x" * 50) for i in range(200)])
     raw = bytearray(log.read_bytes())
-    raw[len(raw) // 4:len(raw) // 2] = bytes(len(raw) // 2 - len(raw) // 4)
+    raw[len(raw) // 4:len(raw) // 4 + 8] = bytes(8)
     log.write_bytes(raw)
     source = LogSource([str(log)])
     with pytest.raises(BagFormatError, match="jaka_bag recover"):

@@ -39,6 +39,8 @@ from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
 from jaka_bag.operations.convert import Job, convert_file, is_worth_sorting
+from jaka_bag.operations.merge import merge
+from jaka_bag.operations.recover import recover
 
 SAMPLES = state_log(2.0)
 
@@ -103,9 +105,30 @@ def test_an_index_that_tells_of_more_messages_than_there_are_is_not_believed(tmp
     bag.infos[0] = bag.infos[0]._replace(counts={0: 2})
     bag.add_connection(0, STATES)
     (tmp_path / "odd.bag").write_bytes(bag.content())
-    with pytest.raises(BagFormatError, match="tells of 2 messages, the chunks hold 1"):
+    result = convert(tmp_path / "odd.bag", tmp_path / "odd.mcap")
+    assert "it tells of 2 messages in the chunk at byte 4117, the chunk's own index of 1" in result.notes[0]
+    assert result.messages == len(read(tmp_path / "odd.mcap")) == 1
+
+
+def test_an_index_that_names_a_record_twice_in_each_place_costs_a_note(tmp_path):
+    bag = RawBag()
+    bag.add_chunk(message_record(0, 9, bytes(8)), [(0, [(9, 0), (9, 0)])], 9, 9)
+    bag.add_connection(0, STATES)
+    (tmp_path / "odd.bag").write_bytes(bag.content())
+    result = convert(tmp_path / "odd.bag", tmp_path / "odd.mcap")
+    assert result.notes == ("the index tells of 2 messages: there are 1, and all are kept",)
+    assert merge([tmp_path / "odd.bag"], tmp_path / "merged.mcap").notes == result.notes
+
+
+def test_an_index_that_lies_in_each_place_ends_a_command(tmp_path):
+    bag = RawBag()
+    bag.add_chunk(message_record(0, 9, bytes(8)), [(0, [(5, 0)])], 5, 5)
+    bag.add_connection(0, STATES)
+    (tmp_path / "odd.bag").write_bytes(bag.content())
+    with pytest.raises(BagFormatError, match="at byte 4117 holds messages of times or topics that the index does not"):
         convert(tmp_path / "odd.bag", tmp_path / "odd.mcap")
-    assert not (tmp_path / "odd.mcap").exists()
+    recover(tmp_path / "odd.bag", tmp_path / "odd.mcap")
+    assert [s.time for s in read(tmp_path / "odd.mcap")] == [9]
 
 
 def test_topics_types_and_times_are_filtered(tmp_path):

@@ -22,7 +22,7 @@ SAMPLES = state_log(1.0)
 
 def exported(path, target, **options):
     with open_log(path) as reader:
-        return export(reader, target, **options)
+        return export(reader, target, **options).tables
 
 
 def rows_of(path):
@@ -122,3 +122,42 @@ def test_the_program(tmp_path, capsys):
         {"target": str(tmp_path / "s.csv"), "topic": STATES.topic, "messages": 125}]
     assert main(["export", str(path), "-o", str(tmp_path / "s.csv"), "-t", "/nope"]) == 2
     assert capsys.readouterr().err == "jaka_bag export: error: %s has no topic /nope\n" % path
+
+
+def on_topic(topic, number):
+    return Sample(STATES._replace(topic=topic), START_NS + number, struct.pack("<4h", number, 1, 0, 0))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
+def test_topics_whose_names_meet_are_all_exported(tmp_path, capsys, recwarn, suffix):
+    topics = ["/a/b", "/a_b", "/A/b", "chatter", "/chatter", "/caf\udce9"]
+    log = write(tmp_path / "log.bag", [on_topic(topic, number) for number, topic in enumerate(topics)])
+    assert main(["export", str(log), "-o", str(tmp_path / ("x" + suffix)), "--json"]) == 0
+    told = capsys.readouterr()
+    assert {t["topic"]: t["messages"] for t in json.loads(told.out)["tables"]} == dict.fromkeys(topics, 1)
+    assert "note: chatter is named chatter_2: chatter is another topic's name" in told.err
+    assert not recwarn.list
+    if suffix == ".npz":
+        with np.load(tmp_path / "x.npz") as arrays:
+            assert sorted(int(arrays[name][0]) for name in arrays if name.endswith("motion_state")) == list(range(6))
+    else:
+        assert len({t["target"] for t in json.loads(told.out)["tables"]}) == len(topics)
+
+
+BROKEN = connection("/broken", "test_msgs/Known", "uint8 v\n")._replace(definition="test_msgs/Missing inner\n")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
+@pytest.mark.parametrize("bad", [Sample(BROKEN, START_NS, b"\1"),
+                                 Sample(STATES._replace(topic="/long"), START_NS, bytes(9))])
+def test_a_topic_that_is_not_understood_costs_no_other(tmp_path, capsys, suffix, bad):
+    log = write(tmp_path / "log.bag", [bad, on_topic("/good", 1), on_topic("/fine", 2)])
+    assert main(["export", str(log), "-o", str(tmp_path / ("x" + suffix)), "--json"]) == 1
+    told = capsys.readouterr()
+    assert [t["topic"] for t in json.loads(told.out)["tables"] if t["messages"] == 1] == ["/fine", "/good"]
+    assert "error: %s is left out: " % bad.connection.topic in told.err
+    assert not [path for path in tmp_path.iterdir() if "broken" in path.name or "long" in path.name]
+    assert main(["cat", str(log)]) == 1
+    told = capsys.readouterr()
+    assert [json.loads(line)["topic"] for line in told.out.splitlines()] == ["/good", "/fine"]
+    assert "left out: " in told.err and bad.connection.topic in told.err

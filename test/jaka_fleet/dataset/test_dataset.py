@@ -56,7 +56,7 @@ def test_a_log_becomes_tables_with_the_columns_of_export(tmp_path):
     assert (tmp_path / "fleet" / name).is_file()
     from jaka_bag.containers.registry import open_log
     with open_log(log) as reader:
-        exported = export(reader, tmp_path / "run.parquet")
+        exported = export(reader, tmp_path / "run.parquet").tables
     for topic, (path, count) in exported.items():
         ours, theirs = parquet.ParquetFile(written[topic]), parquet.read_table(path)
         table = ours.read()

@@ -175,7 +175,10 @@ def test_a_data_set_in_memory_is_asked_through_fsspec(tmp_path):
 
 def test_views_are_named_after_topics():
     assert view_names(["/a/state", "/b/state", "/b/pose", "/runs", "/b_pose"]) == {
-        "a_state": "/a/state", "b_state": "/b/state", "b_pose": "/b/pose", "runs_": "/runs", "pose": "/b/pose"}
+        "a_state": "/a/state", "b_state": "/b/state", "b_pose": "/b/pose", "b_pose_2": "/b_pose", "runs_": "/runs",
+        "pose": "/b/pose"}
+    assert view_names(["/A/state", "/a/state", "state", "/state"]) == {
+        "A_state": "/A/state", "a_state_2": "/a/state", "state": "/state", "state_2": "state"}
 
 
 @pytest.mark.parametrize("question, said", [

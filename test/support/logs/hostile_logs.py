@@ -24,6 +24,23 @@ from jaka_bag.messages.connection import Connection
 BOMB = bytes(64 << 20)
 HEAVY = ("bz2_claims_4_gb.bag", "empty_payloads.mcap", "overlapping.mcap", "zstd_many.mcap")
 """Logs on which all commands together take long."""
+MOST_BYTES = 500 << 20
+MOST_CPU_S = 30
+RUN_ALL = """
+# ru_maxrss would not do: at its start a program takes over the peak of the process that started it.
+import json, sys, time
+from jaka_bag.cli.main import main
+results = []
+for words in json.loads(sys.argv[1]):
+    begin = time.process_time()
+    code = main(words)
+    seconds = time.process_time() - begin
+    most = int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0]) << 10
+    results.append((code, seconds, most))
+print()
+print(json.dumps(results))
+"""
+"""A program that runs commands, given as JSON, and prints of each exit code, processor time, s, and memory, byte."""
 
 
 @lru_cache(maxsize=1)

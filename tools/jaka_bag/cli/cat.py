@@ -6,7 +6,7 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 from ..containers.registry import open_log
 from ..containers.time_order import messages_of
-from ..errors import UsageError
+from ..errors import DefinitionError, UsageError
 from ..messages.connection import Connection
 from ..messages.decoding import Decoder, pick
 from ..messages.selection import Selection, TimeSpan, require_match
@@ -52,6 +52,7 @@ class _Lines:
         self._counts: Dict[str, int] = {}
         self._wanted: Dict[str, List[str]] = {}
         self.found: Dict[str, bool] = {path: False for _, path in fields}
+        self.failed: Dict[Connection, str] = {}
 
     def _decoder(self, connection: Connection) -> Decoder:
         if connection not in self._decoders:
@@ -68,11 +69,17 @@ class _Lines:
             chosen = span.apply(selection, reader.index.start_time, reader.index.end_time)
             for message in messages_of(reader, chosen):
                 connection = message.connection
+                if connection in self.failed and connection not in self._decoders:
+                    continue
                 seen = self._counts.get(connection.topic, 0)
                 if self._limit and seen >= self._limit:
                     continue
                 self._counts[connection.topic] = seen + 1
-                content = self._decoder(connection).decode(message.data)
+                try:
+                    content = self._decoder(connection).decode(message.data)
+                except DefinitionError as error:
+                    self.failed.setdefault(connection, str(error))
+                    continue
                 if self._fields:
                     content = self._part(content, self._wanted[connection.topic])
                     if not content:
@@ -107,9 +114,12 @@ def run(args: argparse.Namespace) -> int:
 
     def show(path: str) -> None:
         printed = False
+        lines.failed.clear()
         for line in lines.of(path, selection, span_of(args)):
             sys.stdout.write(json.dumps(line) + "\n")
             printed = True
+        if lines.failed:
+            raise DefinitionError("%s: left out: %s" % (path, "; ".join(lines.failed.values())))
         missing = [name for name, is_there in lines.found.items() if not is_there]
         if fields and missing:
             raise UsageError("%s: no selected message has a field %s" % (path, ", ".join(missing)))

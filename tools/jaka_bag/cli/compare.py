@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
         for name in [name for name in (args.html, args.junit, args.report) if name]:
-            if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
+            if os.path.realpath(name) in (os.path.realpath(args.golden), os.path.realpath(args.candidate)):
                 raise UsageError("%s is one of the logs" % name)
             check_output(name, args.force)
         comparison = _compared(args, tolerances)

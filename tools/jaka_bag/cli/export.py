@@ -35,8 +35,11 @@ def run(args: argparse.Namespace) -> int:
         selection = Selection(tuple(args.topics), tuple(args.regex), tuple(args.exclude))
         report.tell("note", require_match(selection, reader.connections, args.source))
         result = export(reader, output, selection, args.force)
-    tables = [{"target": path, "topic": topic, "messages": messages} for topic, (path, messages) in result.items()]
+    tables = [{"target": path, "topic": topic, "messages": messages}
+              for topic, (path, messages) in result.tables.items()]
     for table in tables:
         report.done("%(target)s: %(messages)d messages of %(topic)s" % table)
-    report.finish({"source": args.source, "tables": tables})
-    return 0
+    report.tell("note", result.notes)
+    report.tell("error", ("%s is left out: %s" % failure for failure in result.failed.items()))
+    report.finish({"source": args.source, "tables": tables, "notes": list(result.notes), "failed": result.failed})
+    return 1 if result.failed else 0

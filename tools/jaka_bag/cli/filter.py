@@ -1,6 +1,8 @@
 """``jaka_bag filter``: the command line that takes a part of a log."""
 import argparse
+import re
 
+from ..errors import UsageError
 from ..operations.convert import Job, convert_file
 from .main import human_bytes
 from .options import (
@@ -28,6 +30,7 @@ nearest name, or the log's true range.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag filter`` to a parser."""
     add_source(parser, "its suffix, .bag or .mcap, decides about the format")
+    parser.add_argument("expression", nargs="?", help=argparse.SUPPRESS)
     parser.add_argument("--keep-latched", action="store_true",
                         help="also the newest message before --start of each latched publisher, with its own time")
     add_selection(parser)
@@ -38,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Filter; the exit code."""
     report = Report(args)
+    if args.expression is not None:
+        topics = re.findall(r"""topic\s*==\s*['"]([^'"]+)['"]""", args.expression)
+        raise UsageError("there are no expressions as rosbag's; topics are chosen by -t, -e and -x, types by --types, "
+                         "times by --start and --until%s" % (", here: -t %s" % " ".join(topics) if topics else ""))
     job = Job(args.source, required_output_of(args), selection_of(args), span_of(args), args.compression, args.level,
               overwrite=args.force, keep_latched=args.keep_latched)
     with report.progress(args.source) as progress:

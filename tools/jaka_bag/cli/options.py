@@ -101,6 +101,8 @@ def add_compression(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("compression")
     group.add_argument("-c", "--compression", choices=("none", "lz4", "zstd", "bz2"),
                        help="none, lz4, zstd (.mcap), bz2 (.bag); default zstd for .mcap, none for .bag")
+    group.add_argument("--lz4", dest="compression", action="store_const", const="lz4", help="the same as -c lz4")
+    group.add_argument("-j", "--bz2", dest="compression", action="store_const", const="bz2", help="the same as -c bz2")
     group.add_argument("--level", type=int, metavar="N", help="the codec's own level; default: its fast one")
 
 

@@ -36,5 +36,5 @@ def run(args: argparse.Namespace) -> int:
     report.tell("lost", (loss.describe() for loss in result.losses))
     told = "" if result.expected is None else " of %d" % max(result.expected, result.messages)
     report.only("%s: %d%s messages, %s%s" % (result.target, result.messages, told, human_bytes(result.bytes_written),
-                                            "" if result.is_whole else " (PARTIAL)"), result.document())
+                                            "" if result.is_whole else " (PARTIAL)"), result.document(), result.notes)
     return 0 if result.is_whole else 1

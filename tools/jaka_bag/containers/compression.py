@@ -6,15 +6,19 @@ import os
 import threading
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
-from ..errors import BagError, BagFormatError, MissingDependency
+from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .index import Buffer
+from .lz4_cut import cut_off_part
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
-_CHUNK_FLOOR, _CHUNK_RATIO = 32 << 20, 50
-_FILE_FLOOR, _FILE_RATIO = 64 << 20, 100
-"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger."""
+_CHUNK_FLOOR, _CHUNK_RATIO = 128 << 20, 50
+_FILE_FLOOR, _FILE_RATIO = 8 << 30, 100
+"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger.
+
+That of a chunk bounds memory, that of a file time and what an output takes.
+"""
 _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 """Environment variable, MB, that raises both limits for a file that is trusted."""
 
@@ -78,10 +82,26 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
     return lambda data: data if isinstance(data, bytes) else bytes(data)
 
 
+def unknown_codec(name: str) -> NotSupported:
+    """Return the error about a codec that is none of this package's."""
+    return NotSupported("the compression %r is not supported; the log is not damaged" % name[:20])
+
+
+def is_readable(size: int, stored: int) -> bool:
+    """Return whether every reader unpacks a chunk of ``stored`` bytes to ``size`` bytes."""
+    return size <= max(_CHUNK_FLOOR, _CHUNK_RATIO * stored)
+
+
 def _limit(floor: int, ratio: int, stored: int) -> int:
-    """Return the largest uncompressed size, byte, that a chunk of ``stored`` bytes may claim."""
+    """Return the largest uncompressed size, byte, that ``stored`` bytes may claim."""
     trusted = os.environ.get(_LIMIT_NAME, "")
     return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdigit() else 0)
+
+
+def _limit_reached(what: str, claimed: int, limit: int) -> LimitReached:
+    return LimitReached("%s unpacked to %d MB; a limit, not damage: up to %d MB are unpacked, and %d with %s=%d in the "
+                        "environment" % (what, claimed // 1000000, limit // 1000000, claimed // 1000000 + 1,
+                                         _LIMIT_NAME, claimed // 1000000 + 1))
 
 
 class Allowance:
@@ -101,14 +121,13 @@ class Allowance:
         """Allow the chunk at a position of the file to unpack to ``size`` bytes.
 
         Raises:
-            BagFormatError: The chunks claim too much.
+            LimitReached: The chunks claim too much.
         """
         with self._lock:
             self._total += size - self._claimed.get(position, 0)
             self._claimed[position] = size
             if self._total > self._limit:
-                raise BagFormatError("the chunks claim more than %d MB when they are unpacked (%s=N in the environment "
-                                     "allows N MB)" % (self._limit // 1000000, _LIMIT_NAME))
+                raise _limit_reached("its chunks up to here are", self._total, self._limit)
 
 
 def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
@@ -137,12 +156,12 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     """Decompress one chunk into its ``size`` bytes; never use more memory than that.
 
     Raises:
-        BagFormatError: The data is damaged, its size is not ``size``, or it claims too much.
+        BagFormatError: The data is damaged, or its size is not ``size``.
+        LimitReached: It claims too much.
     """
     most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
     if size < 0 or (codec not in ("none", "") and size > most):
-        raise BagFormatError("a chunk of %d bytes claims %d bytes; more than %d are not unpacked (%s=N in the "
-                             "environment allows N MB)" % (len(data), size, most, _LIMIT_NAME))
+        raise _limit_reached("a chunk of %d bytes is" % len(data), size, most)
     result: Buffer
     try:
         if codec in ("none", ""):
@@ -163,7 +182,7 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
         elif codec == "bz2":
             result = _decompress_bz2(data, size)
         else:
-            raise BagFormatError("compression %r is not known" % codec)
+            raise unknown_codec(codec)
     except BagError:
         raise
     except Exception as error:  # each library has error types of its own
@@ -198,17 +217,20 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
     else:
         return b""
     rest = memoryview(data)
+    is_cut = False
 
     def step(left: int) -> bytes:
-        nonlocal rest
+        nonlocal rest, is_cut
         part = b""
         while not part and not decoder.eof and (len(rest) or not decoder.needs_input):
             taken = bytes(rest[:_PIECE]) if decoder.needs_input else b""
             rest = rest[len(taken):]
             part = decoder.decompress(taken, max_length=min(_STEP, left))
+        is_cut = not part and not decoder.eof
         return part
 
-    return _joined(step, most)
+    whole = _joined(step, most)
+    return whole + cut_off_part(bytes(data), whole, most - len(whole)) if is_cut and codec == "lz4" else whole
 
 
 def _joined(step: Callable[[int], bytes], most: int) -> bytes:

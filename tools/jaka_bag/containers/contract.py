@@ -6,13 +6,14 @@ from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optiona
 
 import numpy as np
 
-from ..errors import BagError, BagFormatError, WriteFailed
+from ..errors import BagError, BagFormatError, LimitReached, NotSupported, WriteFailed
 from ..messages.batch import Array, MessageBatch, copy_pieces, distinct, uncovered, windows
 from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
-from .compression import Allowance, check_codec, compressor
+from ..pipeline import in_order
+from .compression import Allowance, check_codec, compressor, is_readable
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
 Self = TypeVar("Self", bound="LogWriter")
@@ -36,15 +37,28 @@ class ParsedChunk(NamedTuple):
         batch: The messages; ``connection`` holds the file's own ids (int64).
         connections: Connections declared beside them, by the file's id.
         consumed: Bytes understood; fewer than the chunk has where it is damaged or cut off.
+        is_misled: The chunk's index leads to other places than its messages.
     """
 
     batch: MessageBatch
     connections: Dict[int, Connection]
     consumed: int
+    is_misled: bool = False
+
+
+def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> ChunkRef:
+    """Return the index entry for messages that were read from bytes ``begin`` to before ``end``."""
+    if not len(batch):
+        return ChunkRef(begin, end, 0, 0, {}, is_loose)
+    numbers = distinct(batch.connection).tolist()
+    counts = np.bincount(batch.connection) if numbers[-1] < _LOOKUP_LIMIT else None
+    return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()), {
+        number: int((batch.connection == number).sum() if counts is None else counts[number]) for number in numbers},
+        is_loose)
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
-                scan: Callable[[int, int], ParsedChunk]) -> ParsedChunk:
+                scan: Callable[[int, int], ParsedChunk], head_size: Callable[[int], int]) -> ParsedChunk:
     """Parse a chunk's records: many at once where the index leads to regular ones, else one by one and exact.
 
     Args:
@@ -52,6 +66,7 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
         offset: Positions of messages by the index, ascending, int64; None where there is no index.
         regular: Returns the messages at offsets of the chunk's bytes, uint8; None where one is no regular record.
         scan: Returns the records between two bytes, read one by one, up to the first that is damaged or cut off.
+        head_size: Returns the bytes of a message record before its payload, for one that begins at a byte.
 
     Raises:
         BagFormatError: A record is damaged.
@@ -71,7 +86,8 @@ def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, 
     parsed = scan(0, len(raw))
     if parsed.consumed != len(raw):
         raise BagFormatError("a record in a chunk is damaged")
-    return parsed
+    starts = None if offset is None else [at + head_size(at) for at in offset.tolist()]
+    return parsed._replace(is_misled=starts is not None and starts != parsed.batch.start.tolist())
 
 
 class _Renumbering:
@@ -133,30 +149,46 @@ class LogReader:
         return sum(self.index.counts)
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
-        """Return the messages of one chunk, in the order of the file."""
+        """Return the messages of one chunk, in the order of the file.
+
+        Raises:
+            BagFormatError: The chunk is damaged, or holds messages where by the index there are none.
+        """
+        batch = self._load(chunk)
+        found = chunk_of(chunk.position, chunk.end, batch, chunk.is_loose)
+        if found.counts and not (chunk.start_time <= found.start_time and found.end_time <= chunk.end_time
+                                 and found.counts.keys() <= chunk.counts.keys()):
+            raise BagFormatError("%s: the chunk at byte %d holds messages of times or topics that the index does not "
+                                 "name (jaka_bag recover makes a log with a true index)" % (self.path, chunk.position))
+        return batch
+
+    def _load(self, chunk: ChunkRef) -> MessageBatch:
         raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
             return batch.replace(connection=self._renumber(batch.connection))
+        except (LimitReached, NotSupported) as error:
+            raise type(error)("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
         except BagFormatError as error:
             raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
                                  % (self.path, chunk.position, error)) from error
 
-    def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
-        """Return connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
-        entries = self._times_in_index(chunk)
-        if entries is None:
-            batch = self.load(chunk)
-            return batch.connection, batch.log_time
-        none = [np.zeros(0, np.int64)]
-        ids = np.concatenate([np.full(len(times), file_id, np.int64) for file_id, times in entries] or none)
-        return self._renumber(ids), np.concatenate([times for _, times in entries] or none)
+    def index_of_records(self) -> LogIndex:
+        """Return the index with the counts and times of the records, which are all read.
+
+        Raises:
+            BagFormatError: A chunk is damaged.
+        """
+        chunks = list(in_order(lambda chunk: chunk_of(
+            chunk.position, chunk.end, self._load(chunk), chunk.is_loose), self.chunks))
+        filled = [chunk for chunk in chunks if chunk.counts]
+        return self.index._replace(
+            chunks=chunks, counts=[sum(chunk.counts.get(number, 0) for chunk in filled)
+                                   for number in range(len(self.connections))],
+            start_time=min((chunk.start_time for chunk in filled), default=None),
+            end_time=max((chunk.end_time for chunk in filled), default=None))
 
     def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
-        raise NotImplementedError
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        """Return log times by the file's id of the connection, from the chunk's own index; None without one."""
         raise NotImplementedError
 
     def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:
@@ -202,6 +234,7 @@ class EncodedChunk(NamedTuple):
         counts: Messages by the file's id of the connection.
         start_time: Earliest log time, ns.
         end_time: Latest log time, ns.
+        codec: Compression of the body.
         size: Bytes of the data, uncompressed.
         declared: Connections, by the file's id, whose records it carries.
     """
@@ -212,6 +245,7 @@ class EncodedChunk(NamedTuple):
     counts: Dict[int, int]
     start_time: int
     end_time: int
+    codec: str
     size: int
     declared: Tuple[int, ...] = ()
 
@@ -363,6 +397,11 @@ class LogWriter:
             BagError: A time or the size of the batch does not fit into the format.
         """
         raise NotImplementedError
+
+    def _packed(self, data: Array) -> Tuple[str, bytes]:
+        """Return the codec and the stored bytes of a chunk: none where readers would not unpack them."""
+        body = self._compress(data.data)
+        return (self._codec, body) if is_readable(len(data), len(body)) else ("none", data.tobytes())
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
         """Write a chunk that ``encode`` made (None: nothing) after what was written so far."""

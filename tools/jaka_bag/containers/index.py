@@ -1,5 +1,7 @@
 """The index at a log's end: connections, chunks, totals; read without numpy and without messages."""
 import os
+import sys
+from array import array
 from typing import BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from ..errors import BagError
@@ -94,7 +96,9 @@ class LogIndex(NamedTuple):
         attachments: Attachments of an MCAP.
         metadata: Metadata records of an MCAP.
         codecs: Codecs of the chunks; empty where the index does not name them (``read_codecs``).
-        notes: Parts of the file that do not belong to the format and were skipped, one line each.
+        notes: Parts of the file that do not belong to the format and were skipped, and whether the index is believed,
+            one line each.
+        contradiction: The first place where the file's own declarations disagree; empty where they agree.
     """
 
     format: str
@@ -113,6 +117,52 @@ class LogIndex(NamedTuple):
     metadata: Tuple[MetadataIndex, ...] = ()
     codecs: Tuple[CodecTotals, ...] = ()
     notes: Tuple[str, ...] = ()
+    contradiction: str = ""
+
+
+def extremes(times: "array[int]") -> Tuple[int, int]:
+    """Return the least and the greatest of at least one time; by numpy where something else has imported it."""
+    numpy = sys.modules.get("numpy")
+    if numpy is None:
+        return min(times), max(times)
+    values = numpy.frombuffer(times, numpy.dtype(times.typecode))
+    return int(values.min()), int(values.max())
+
+
+class IndexTotals:
+    """The messages that the indexes behind one chunk name: their times, ns, and how many each connection has.
+
+    Attributes:
+        counts: Messages by the file's id of the connection; without those that have none.
+        start_time: Earliest log time; None without messages.
+        end_time: Latest log time; None without messages.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Dict[int, int] = {}
+        self.start_time: Optional[int] = None
+        self.end_time: Optional[int] = None
+
+    def add(self, file_id: int, count: int, first: int, last: int) -> None:
+        """Add at least one message of a connection, with their earliest and latest time."""
+        self.counts[file_id] = self.counts.get(file_id, 0) + count
+        self.start_time = first if self.start_time is None else min(self.start_time, first)
+        self.end_time = last if self.end_time is None else max(self.end_time, last)
+
+    def contradicts(self, start_time: int, end_time: int) -> bool:
+        """Return whether a chunk that is declared to span these times, ns, holds others."""
+        return bool(self.counts) and (self.start_time, self.end_time) != (start_time, end_time)
+
+
+def _what_is_there(path: str) -> str:
+    """Return a word for a path that is no plain file."""
+    if not os.path.isdir(path):
+        return "no plain file"
+    names = os.listdir(path)
+    if "metadata.yaml" in names:
+        return "a rosbag2 folder (jaka_bag convert makes a log of it)"
+    is_part = any(name.endswith((".db3", ".mcap")) for name in names)
+    return "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" if is_part else "a folder"
 
 
 def open_for_reading(path: PathLike) -> BinaryIO:
@@ -127,7 +177,7 @@ def open_for_reading(path: PathLike) -> BinaryIO:
         raise BagError("cannot read %s: %s" % (path, error.strerror)) from error
     if not os.path.isfile("/dev/fd/%d" % descriptor):
         os.close(descriptor)
-        raise BagError("cannot read %s: it is %s" % (path, "a folder" if os.path.isdir(str(path)) else "no plain file"))
+        raise BagError("cannot read %s: it is %s" % (path, _what_is_there(str(path))))
     return os.fdopen(descriptor, "rb", buffering=0)
 
 

@@ -2,21 +2,12 @@
 import functools
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
-import numpy as np
-
 from ..errors import BagFormatError, DefinitionError
 from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
 from .compression import Allowance, decompress_partly
-from .index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
-
-
-def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> ChunkRef:
-    """Return the index entry of at least one message that a walk has read from bytes ``begin`` to before ``end``."""
-    numbers, counts = np.unique(batch.connection, return_counts=True)
-    return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()),
-                    dict(zip(numbers.tolist(), counts.tolist())), is_loose)
+from .index import AttachmentIndex, Buffer, MetadataIndex
 
 
 class Loss(NamedTuple):
@@ -69,6 +60,8 @@ class LogRecovery:
         attachments: Whole attachments found so far.
         metadata: Whole metadata records found so far.
         allowance: Limits what the chunks unpack to.
+        notes: Bytes that are no part of the format and were skipped, one line each, so far.
+        misled: Chunks so far whose own index leads to other places than their messages.
     """
 
     def __init__(self, descriptor: int, size: int) -> None:
@@ -81,6 +74,8 @@ class LogRecovery:
         self.attachments: List[AttachmentIndex] = []
         self.metadata: List[MetadataIndex] = []
         self.allowance = Allowance(size)
+        self.misled = 0
+        self.notes: List[str] = []
 
     def learn(self, connections: Dict[int, Connection]) -> None:
         """Take up descriptions of connections; of several of one connection an intact one is kept."""

@@ -96,15 +96,37 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
     return index
 
 
+def _believable(entry: Format, path: PathLike, file: BinaryIO, index: LogIndex) -> LogIndex:
+    """Return the index as declared where the file does not contradict it, else the index of its records.
+
+    Raises:
+        BagFormatError: A record is damaged.
+    """
+    if not index.contradiction:
+        return index
+    truth: LogIndex = load(entry.walk)(path, file.fileno()) if entry.walk else load(entry.reader)(
+        file, index).index_of_records()
+    return truth._replace(contradiction=index.contradiction, notes=(
+        *truth.notes, "the index is not believed (%s): the records were read in its place" % index.contradiction))
+
+
 def read_index(path: PathLike) -> LogIndex:
-    """Read the index of a log in any format; needs no numpy.
+    """Read the index of a log in any format; needs no numpy where the file does not contradict it.
+
+    Where it does, and records are damaged, too, a note says so and the index is the declared one.
 
     Raises:
         BagError: The log cannot be read.
         BagFormatError: The log is damaged, or has no index because the recording was cut off.
     """
     with open_for_reading(path) as file:
-        return _index_of(detect_format(path, file.fileno()), path, file.fileno())
+        entry = detect_format(path, file.fileno())
+        index = _index_of(entry, path, file.fileno())
+        try:
+            return _believable(entry, path, file, index)
+        except BagFormatError as error:
+            return index._replace(notes=(*index.notes, "the index is wrong (%s), and so are records: %s" % (
+                index.contradiction, str(error).replace("%s: " % path, "", 1))))
 
 
 def _records_module(index: LogIndex) -> Any:
@@ -163,7 +185,8 @@ def open_log(path: PathLike) -> "LogReader":
     file = open_for_reading(path)
     try:
         entry = detect_format(path, file.fileno())
-        reader: LogReader = load(entry.reader)(file, _index_of(entry, path, file.fileno()))
+        index = _believable(entry, path, file, _index_of(entry, path, file.fileno()))
+        reader: LogReader = load(entry.reader)(file, index)
     except BaseException:
         file.close()
         raise

@@ -11,4 +11,5 @@ decoding      single messages as data for JSON
 columns       fields of messages as numpy columns
 ros2_types    ROS 2 definitions, type hashes and single CDR messages, by the library rosbags
 cdr           ROS 1 messages to CDR, many at once
+table_names   names of topics for files, members of archives and views, no two of which meet
 """

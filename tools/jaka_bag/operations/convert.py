@@ -26,7 +26,7 @@ from ..containers.index import ChunkRef
 from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
 from ..containers.time_order import HELD_BYTES, Source, gathered, in_time_order
-from ..errors import BagError, BagFormatError, DefinitionError, UsageError
+from ..errors import BagError, DefinitionError, UsageError
 from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_of
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
@@ -287,6 +287,11 @@ def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time
     return concatenate(sorted(newest.values(), key=lambda b: int(b.log_time[0])))
 
 
+def wrong_count(expected: int, written: int) -> str:
+    """Return the note on an index that tells of another number of messages than the records are."""
+    return "the index tells of %d messages: there are %d, and all are kept" % (expected, written)
+
+
 def copy_log(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, on_progress: Optional[OnProgress],
              workers: int, latched_from: Optional[int]) -> Tuple[int, Tuple[str, ...]]:
     """Copy the wanted messages of one log in the order of the file, and what stands beside them.
@@ -316,13 +321,13 @@ def copy_log(reader: LogReader, writer: LogWriter, message_filter: MessageFilter
                                   on_progress, workers)
     else:
         written += write_in_order(_neighbours(wanted), load, writer, ids, on_progress, workers)
-    if message_filter.takes_all and written != reader.message_count:
-        raise BagFormatError("%s: the index tells of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
-                             % (reader.path, reader.message_count, written))
     if not written and reader.message_count:
         raise UsageError("%s: no message is selected: the selected topics have none in the selected time" % reader.path)
     copy_extras(reader, writer)
-    return written, losses.notes([reader])
+    notes = losses.notes([reader])
+    if message_filter.takes_all and written != reader.message_count:
+        notes += (wrong_count(reader.message_count, written),)
+    return written, notes
 
 
 def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteResult:

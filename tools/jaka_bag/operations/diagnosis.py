@@ -63,7 +63,8 @@ class _Findings:
         self.list.append(Finding("warning", text))
 
     def note(self, text: str) -> None:
-        self.list.append(Finding("note", text))
+        if Finding("note", text) not in self.list:
+            self.list.append(Finding("note", text))
 
 
 class _Messages:
@@ -150,6 +151,8 @@ def _look_at_connections(connections: List[Connection], findings: _Findings) -> 
 def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> None:
     """Compare the log's index with its content."""
     index = reader.index
+    for note in index.notes:
+        (findings.error if index.contradiction and note is index.notes[-1] else findings.note)(note)
     if sum(index.counts) != seen.total:
         findings.error("the index tells of %d messages, the file holds %d" % (sum(index.counts), seen.total))
     else:
@@ -196,11 +199,15 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
             done = stretch.end
         seen.finish()
     is_active = str(path).endswith(".active")
+    for note in recovery.notes:
+        findings.note(note)
     losses = [loss for loss in recovery.losses if not (is_active and loss.end >= recovery.size)]
     for loss in losses[:_MOST_LOSSES]:
         findings.error(loss.describe())
     if len(losses) > _MOST_LOSSES:
         findings.error("%d more places are damaged" % (len(losses) - _MOST_LOSSES))
+    if recovery.misled and not str(path).endswith(".active"):
+        findings.error("the index of %d chunks leads to other places than their messages" % recovery.misled)
     _look_at_connections(list(recovery.connections.values()), findings)
     try:
         with open_log(path) as reader:

@@ -3,7 +3,6 @@ import contextlib
 import csv
 import functools
 import io
-import re
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,12 +12,13 @@ import numpy as np
 
 from ..containers.contract import LogReader
 from ..containers.time_order import in_time_order, whole_source
-from ..errors import BagError
+from ..errors import BagError, DefinitionError
 from ..messages.batch import Array
 from ..messages.columns import leaf_values
 from ..messages.layout import Layout, Leaf, is_bytes
-from ..messages.selection import Selection
-from ..output_file import OutputFile
+from ..messages.selection import MessageFilter, Selection
+from ..messages.table_names import meetings, unique_names
+from ..output_file import OutputFile, check_output
 from ..paths import PathLike
 from ..units import NS_PER_S
 from .columns import ColumnReader
@@ -122,34 +122,53 @@ def _add_array(archive: zipfile.ZipFile, name: str, values: Array) -> None:
         np.save(member, np.ascontiguousarray(values), allow_pickle=False)
 
 
-def _write_npz(output: OutputFile, reader: LogReader, topics: Sequence[str]) -> Dict[str, int]:
-    counts = {}
-    with zipfile.ZipFile(output.file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for topic in topics:
-            columns = ColumnReader(reader, Selection(topics=(topic,))).read().get(topic)
-            counts[topic] = 0 if columns is None else len(columns.log_time)
-            if columns is None:
-                continue
-            base = topic.strip("/")
-            _add_array(archive, base + "/log_time", columns.log_time)
-            for name, values in columns.fields.items():
-                if values.dtype == object:
-                    _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
-                    values = np.concatenate(list(values))
-                _add_array(archive, "%s/%s" % (base, name), values)
-    return counts
+def _add_topic(archive: zipfile.ZipFile, reader: LogReader, topic: str, base: str) -> int:
+    """Add the arrays of one topic to an NPZ; return its number of messages."""
+    columns = ColumnReader(reader, Selection(topics=(topic,))).read().get(topic)
+    if columns is None:
+        return 0
+    _add_array(archive, base + "/log_time", columns.log_time)
+    for name, values in columns.fields.items():
+        if values.dtype == object:
+            _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
+            values = np.concatenate(list(values))
+        _add_array(archive, "%s/%s" % (base, name), values)
+    return len(columns.log_time)
 
 
-def table_path(target: Path, topic: str, is_only: bool) -> Path:
-    """Return the path for the table of a topic: the target itself for one topic, else ``STEM_topic.SUFFIX``."""
-    if is_only:
-        return target
-    return target.with_name("%s_%s%s" % (target.stem, re.sub(r"[^\w.-]+", "_", topic.strip("/")), target.suffix))
+def _archive_name(topic: str) -> str:
+    """Return a topic's folder in an NPZ."""
+    return topic.strip("/").encode("utf-8", "backslashreplace").decode()
+
+
+class Exported(NamedTuple):
+    """The result of an export.
+
+    Attributes:
+        tables: File and number of messages, by topic.
+        notes: A line for each topic that has not its own name.
+        failed: The reason why there is no table, by topic.
+    """
+
+    tables: Dict[str, Tuple[str, int]]
+    notes: Tuple[str, ...]
+    failed: Dict[str, str]
+
+
+def _one_by_one(topics: Sequence[str], work: Callable[[str], Tuple[str, int]], notes: Tuple[str, ...]) -> Exported:
+    """Export topics one after the other; those whose messages are not understood are left out."""
+    result = Exported({}, notes, {})
+    for topic in topics:
+        try:
+            result.tables[topic] = work(topic)
+        except DefinitionError as error:
+            result.failed[topic] = str(error)
+    return result
 
 
 def export(reader: LogReader, target: PathLike, selection: Optional[Selection] = None,
-           overwrite: bool = False) -> Dict[str, Tuple[str, int]]:
-    """Write the wanted topics; return for each the file and the number of messages.
+           overwrite: bool = False) -> Exported:
+    """Write the wanted topics; a topic whose messages are not understood costs no other.
 
     Args:
         reader: The log.
@@ -161,29 +180,50 @@ def export(reader: LogReader, target: PathLike, selection: Optional[Selection] =
     Raises:
         BagError: The suffix is none of these, no topic is wanted, or a file cannot be created.
         BagFormatError: A chunk is damaged.
-        DefinitionError: A definition is not understood or does not describe a message.
+        DefinitionError: No wanted topic's messages are understood.
         MissingDependency: Parquet is wanted and pyarrow is not installed.
     """
     path = Path(target)
     if path.suffix not in FORMATS:
         raise BagError("%s: the name of an export ends in one of %s" % (path, ", ".join(FORMATS)))
-    columns = ColumnReader(reader, selection)
-    topics = sorted(columns.connections)
+    wanted = MessageFilter(selection or Selection(), reader.connections).wanted
+    topics = sorted({c.topic for c, is_wanted in zip(reader.connections, wanted) if is_wanted})
     if not topics:
         raise BagError("%s has none of the topics" % reader.path)
-    result: Dict[str, Tuple[str, int]] = {}
     with contextlib.ExitStack() as outputs:
         if path.suffix == ".npz":
-            counts = _write_npz(outputs.enter_context(OutputFile(path, overwrite)), reader, topics)
-            result = {topic: (str(path), counts[topic]) for topic in topics}
+            names = unique_names(topics, _archive_name)
+            archive = outputs.enter_context(zipfile.ZipFile(
+                outputs.enter_context(OutputFile(path, overwrite)).file, "w", zipfile.ZIP_DEFLATED))
+            result = _one_by_one(topics, lambda topic: (str(path), _add_topic(archive, reader, topic, names[topic])),
+                                 meetings(names, _archive_name))
         else:
-            files = {topic: table_path(path, topic, len(topics) == 1) for topic in topics}
-            opened = {topic: outputs.enter_context(OutputFile(file, overwrite)) for topic, file in files.items()}
-            if path.suffix == ".parquet":
-                counts = _write_parquet(reader, opened)
-            else:
-                counts = {topic: _write_csv(output, functools.partial(
-                    tables, reader, ColumnReader(reader, Selection(topics=(topic,))), topic))
-                    for topic, output in opened.items()}
-            result = {topic: (str(files[topic]), counts[topic]) for topic in topics}
+            result = _export_files(reader, path, topics, overwrite)
+        if not result.tables:
+            raise DefinitionError("; ".join(result.failed.values()))
     return result
+
+
+def _export_files(reader: LogReader, path: Path, topics: Sequence[str], overwrite: bool) -> Exported:
+    """Write a file for each topic."""
+    names = unique_names(topics)
+    files = {topic: path.with_name("%s_%s%s" % (path.stem, name, path.suffix)) for topic, name in names.items()}
+    notes = meetings(names)
+    if len(topics) == 1:
+        files, notes = {topics[0]: path}, ()
+    for file in files.values():
+        check_output(file, overwrite)
+
+    def write(topic: str) -> Tuple[str, int]:
+        with OutputFile(files[topic], overwrite) as output:
+            if path.suffix == ".parquet":
+                return str(files[topic]), _write_parquet(reader, {topic: output})[topic]
+            columns = ColumnReader(reader, Selection(topics=(topic,)))
+            return str(files[topic]), _write_csv(output, functools.partial(tables, reader, columns, topic))
+
+    if path.suffix == ".parquet":
+        with contextlib.suppress(DefinitionError), contextlib.ExitStack() as opened:  # all in one reading
+            counts = _write_parquet(reader, {topic: opened.enter_context(OutputFile(file, overwrite))
+                                             for topic, file in files.items()})
+            return Exported({topic: (str(file), counts[topic]) for topic, file in files.items()}, notes, {})
+    return _one_by_one(topics, write, notes)

@@ -21,6 +21,7 @@ from .convert import (
     refuse_same_file,
     size_of,
     write_in_order,
+    wrong_count,
 )
 
 
@@ -79,11 +80,9 @@ def merge(paths: Sequence[PathLike], target: PathLike, compression: Optional[str
                                      lambda batch: (int(batch.length.sum()), losses.look(batch)), writer, ids,
                                      on_progress)
             expected = sum(reader.message_count for reader in readers)
-            if written != expected:
-                raise BagError("the indexes tell of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
-                               % (expected, written))
             known: Set[Tuple[str, FrozenSet[Tuple[str, str]]]] = set()
             for reader in readers:
                 copy_extras(reader, writer, known=known)
         return WriteResult(", ".join(map(str, paths)), str(target), written, sum(r.index.size for r in readers),
-                       size_of(target), time.monotonic() - begin, losses.notes(readers))
+                       size_of(target), time.monotonic() - begin, losses.notes(readers) + (
+                               (wrong_count(expected, written),) if written != expected else ()))

@@ -14,7 +14,7 @@ from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
 from .thinning import Changes, EveryNth, MinMax
-from .tool_poses import POSE_FIELDS, tool_poses
+from .tool_poses import POSE_FIELDS, are_numbers, tool_poses
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
@@ -99,7 +99,7 @@ class _TopicSketch:
             self.path = self.path or EveryNth(_MAX_POINTS)
             self.path.add(poses.position)
             self.rank = 1
-        elif all(name in columns.fields for name in _STATES):
+        elif are_numbers(columns, _STATES):
             states, flags = self._same_as_before([
                 _Curves(self._topic + "  motion_state", "", ["motion_state"], tuple(
                     (int(s), "%d %s" % (s, s.name.lower().replace("_", " "))) for s in MotionState), True),
@@ -110,14 +110,14 @@ class _TopicSketch:
 
     def _add_joints(self, time: Array, columns: Columns) -> None:
         position = columns.fields.get("position")
-        if position is None or position.dtype == object or position.ndim != 2 or not position.shape[1]:
+        if position is None or position.dtype.kind not in "iuf" or position.ndim != 2 or not position.shape[1]:
             self._is_undrawable = True
         if self._is_undrawable or position is None:
             self.curves = []
             return
         labels = ["[%d]" % i for i in range(position.shape[1])]
         names = columns.fields.get("name")
-        if names is not None and names.dtype != object and names.shape[1] == len(labels):
+        if names is not None and names.dtype.kind == "S" and names.shape[1:] == (len(labels),):
             labels = [name.decode("utf-8", "replace") for name in names[0]]
         curves, = self._same_as_before([_Curves(self._topic + "  position", "rad", labels)])
         if len(curves.names) != len(labels):

@@ -28,6 +28,7 @@ class Recovered(NamedTuple):
         losses: Stretches that could not be read or trusted, and messages that could not be placed.
         bytes_written: Size of the new log.
         seconds: Wall time, s.
+        notes: Bytes that are no part of the format and were skipped, one line each.
     """
 
     target: str
@@ -36,6 +37,7 @@ class Recovered(NamedTuple):
     losses: Tuple[Loss, ...]
     bytes_written: int
     seconds: float
+    notes: Tuple[str, ...] = ()
 
     @property
     def is_whole(self) -> bool:
@@ -121,7 +123,7 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
         Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
         for file_id, count in unknown.items()]
     return Recovered(str(target), written, recovery.expected, tuple(losses), size_of(target),
-                     time.monotonic() - begin)
+                     time.monotonic() - begin, tuple(recovery.notes))
 
 
 def default_target(source: PathLike) -> Path:

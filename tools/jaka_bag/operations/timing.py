@@ -1,12 +1,13 @@
-"""The regularity of messages: rate, jitter, gaps, missing ones; from the times in the index alone.
+"""The regularity of messages: rate, jitter, gaps, missing ones; from the times of the records.
 
-``BagFormatError`` is raised where a chunk or its index is damaged.
+``BagFormatError`` is raised where a chunk is damaged.
 """
 from typing import Any, Dict, Iterator, List, Tuple
 
 import numpy as np
 
 from ..containers.contract import LogReader
+from ..containers.index import ChunkRef
 from ..containers.registry import open_log
 from ..errors import DefinitionError
 from ..messages.batch import Array, distinct
@@ -30,9 +31,14 @@ def log_times(reader: LogReader) -> Iterator[Tuple[str, Array]]:
     if any(end > group[0].start_time for end, group in zip(ends, groups[1:])):
         groups = [reader.chunks]  # chunks overlap in time: all at once
     topics = [connection.topic for connection in reader.connections]
+
+    def times_of(chunk: ChunkRef) -> Tuple[Array, Array]:
+        batch = reader.load(chunk)
+        return batch.connection, batch.log_time
+
     for group in groups:
         parts: Dict[str, List[Array]] = {}
-        for connection, log_time in in_order(reader.load_times, group, WORKERS if len(group) > 1 else 1):
+        for connection, log_time in in_order(times_of, group, WORKERS if len(group) > 1 else 1):
             for number in distinct(connection).tolist():
                 parts.setdefault(topics[number], []).append(log_time[connection == number])
         for topic, times in parts.items():

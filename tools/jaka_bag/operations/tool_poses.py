@@ -1,5 +1,5 @@
 """Tool poses out of the columns of the driver's topic ``tool_position``; its type depends on the driver's interface."""
-from typing import NamedTuple, Optional
+from typing import Iterable, NamedTuple, Optional
 
 import numpy as np
 
@@ -24,12 +24,20 @@ class ToolPoses(NamedTuple):
     rotation_vector: Array
 
 
+def are_numbers(columns: Columns, names: Iterable[str]) -> bool:
+    """Return whether a topic has fields of these names, and each is one number."""
+    return all(name in columns.fields and columns.fields[name].ndim == 1 and columns.fields[name].dtype.kind in "iufb"
+               for name in names)
+
+
 def tool_poses(columns: Columns) -> Optional[ToolPoses]:
     """Return the poses of any TwistStamped, and of a PoseStamped called tool_position; None of other topics.
 
     A TwistStamped is taken as ``interface:=documented`` means it: m and rotation vectors.
     """
     datatype = columns.connection.datatype
+    if not are_numbers(columns, POSE_FIELDS.get(datatype, ())):  # another definition under the same name
+        return None
     if datatype == TWIST_TYPE:
         return ToolPoses(_stacked(columns, "twist.linear.", "xyz"), _stacked(columns, "twist.angular.", "xyz"))
     if datatype == POSE_TYPE and columns.connection.topic.rsplit("/", 1)[-1] == POSE_NAME:

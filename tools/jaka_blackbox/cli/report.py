@@ -1,5 +1,6 @@
 """``jaka_bag report``: the events around an accident as one HTML page."""
 import argparse
+import os
 from pathlib import Path
 
 from jaka_bag.cli import quantities
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the page; 0 when it is written."""
     target = Path(args.output) if args.output else Path(args.source).with_suffix(".html")
-    if target.resolve() == Path(args.source).resolve():
+    if os.path.realpath(str(target)) == os.path.realpath(args.source):
         raise UsageError("%s is the log itself" % target)
     check_output(target, args.force)
     incident = load_incident(args.source, args.at, args.before, args.after)

@@ -108,10 +108,10 @@ def candidates_of(args: argparse.Namespace) -> List[Candidate]:
     if "://" in args.against or os.path.isdir(args.against) and is_dataset(open_store(args.against)):
         found = _of_dataset(args.against)
     else:
-        base, golden = Path(args.against), Path(args.golden).resolve()
+        base, golden = Path(args.against), os.path.realpath(args.golden)
         if not base.is_dir():
             raise BagError("%s is no data set and no folder" % base)
-        logs = [path for path in map(Path, find_logs([args.against])) if path.resolve() != golden
+        logs = [path for path in map(Path, find_logs([args.against])) if os.path.realpath(str(path)) != golden
                 and FOLDER not in path.relative_to(base).parts[:-1]]
         found = [Candidate(str(path), args.cell, "/".join(path.relative_to(base).parts[:-1])) for path in logs]
     if not found:

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Type
 
 from jaka_bag.errors import MissingDependency, UsageError
+from jaka_bag.messages.table_names import unique_names
 
 from .runs import check_version, folder_of, read_table, with_plain_times
 from .store import open_store
@@ -33,23 +34,22 @@ def load_duckdb() -> Any:
 def view_names(topics: List[str]) -> Dict[str, str]:
     """Map the names of views to topics: ``jaka_driver_robot_states`` to ``/jaka_driver/robot_states``.
 
-    That view is ``robot_states``, too, where no other topic ends so; of two topics with one name the first one has it.
+    That view is ``robot_states``, too, where no other topic ends so; where names meet, see ``unique_names``.
     """
-    names: Dict[str, str] = {}
-    for topic in sorted(topics):
-        names.setdefault(_view_name(topic.strip("/")), topic)
+    names = {name: topic for topic, name in unique_names(topics, _view_name).items()}
+    known = {name.lower() for name in names}
     last: Dict[str, List[str]] = {}
     for topic in topics:
         last.setdefault(_view_name(topic.rsplit("/", 1)[-1]), []).append(topic)
     for name, ones in last.items():
-        if len(ones) == 1:
-            names.setdefault(name, ones[0])
+        if len(ones) == 1 and name.lower() not in known:
+            names[name] = ones[0]
     return names
 
 
 def _view_name(name: str) -> str:
-    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return plain + "_" if plain == "runs" else plain
+    plain = re.sub(r"\W", "_", name.strip("/"), flags=re.ASCII)
+    return plain + "_" if plain.lower() == "runs" else plain
 
 
 class DataSet:

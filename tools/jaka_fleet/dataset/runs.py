@@ -112,11 +112,12 @@ def metadata_of(topic: str, datatype: str, md5sum: str, digest: str) -> Dict[str
 
 
 def folder_of(topic: str) -> str:
-    """Name of the folder of a topic's tables: without its first ``/``, with ``.`` for the others.
+    """Name of the folder of a topic's tables: with ``.`` for each ``/`` but the first; that of ``x`` is ``.x``.
 
     What stands in no name of ROS is written as in a URL: such a name leads into no other folder.
     """
-    return "topic=" + quote(topic.strip("/").replace("/", "."), safe="")[:_LONGEST_NAME]
+    name = topic.strip("/").replace("/", ".")
+    return "topic=" + quote(name if topic.startswith("/") else "." + name, safe="")[:_LONGEST_NAME]
 
 
 def name_of(digest: str) -> str:

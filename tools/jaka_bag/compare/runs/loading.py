@@ -14,9 +14,9 @@ from ...containers.index import ChunkRef
 from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
-from ...messages.batch import Array, distinct
+from ...messages.batch import Array, MessageBatch, distinct
 from ...messages.columns import Columns, Part, columns_of
-from ...messages.definitions import types_of
+from ...messages.definitions import definition_md5, types_of
 from ...messages.selection import Selection
 from ...operations.columns import ColumnReader, chunk_groups
 from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
@@ -32,6 +32,8 @@ JOINT_STATE = "sensor_msgs/JointState"
 STATE_TYPES = (STATE_TYPE, "industrial_msgs/RobotStatus")
 _HEADER_FIELDS = ("header.stamp", "header.seq")
 _FRAME = "header.frame_id"
+_MD5SUMS = {JOINT_STATE: "3066dcd76a6cfaef579bd0f34173e9fd", TWIST_TYPE: "98d34b0043a2093cf9d9345ab6eef12e",
+            POSE_TYPE: "d3812c3cbc69362b77dc0b19b345f8f5"}
 _SCANS = 4
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
@@ -163,11 +165,22 @@ class _Loader:
             return False
         return True
 
+    def _has_known_fields(self, topic: str, datatype: str) -> bool:
+        """Return whether a topic's definition is ROS's own of that type, where fields are taken by their names."""
+        md5sum = _MD5SUMS.get(datatype)
+        definition = next(c.definition for c in self._reader.connections if c.topic == topic)
+        try:
+            return md5sum is None or definition_md5(datatype, definition) == md5sum
+        except DefinitionError:
+            return True  # whoever decodes it tells why it cannot
+
     def _kind(self, topic: str) -> Optional[str]:
         """Return the type of a topic whose purpose is known; None for others."""
         if len(self._types[topic]) > 1:
             return None
         datatype = next(iter(self._types[topic]))[0]
+        if not self._has_known_fields(topic, datatype):
+            return None
         is_known = datatype in (JOINT_STATE, CALL_TYPE, *STATE_TYPES) or (
             datatype in _POSE_PARTS and topic.endswith("/" + POSE_NAME))
         return datatype if is_known else None
@@ -206,9 +219,8 @@ class _Loader:
             rows[topic] = Rows(Arrivals(seconds), seconds, {})
         return rows
 
-    def _take_bytes(self, chunk: ChunkRef) -> None:
+    def _take_bytes(self, batch: MessageBatch) -> None:
         """Add to the scan the messages of a chunk whose fields are not known, by their bytes."""
-        batch = self._reader.load(chunk)
         for number in distinct(batch.connection).tolist():
             if number in self._timed:
                 some = batch.take(batch.connection == number)
@@ -225,12 +237,12 @@ class _Loader:
         if self._columns is not None and any(number in self._decoded for number in numbers):
             decoded = self._columns.parts(chunk, self._fields)
         if any(number in self._timed for number in numbers):
+            batch = self._reader.load(chunk)
             if self._with_contents and self._scan is not None:
-                self._take_bytes(chunk)
-            connection, log_time = self._reader.load_times(chunk)
-            for number in distinct(connection).tolist():
+                self._take_bytes(batch)
+            for number in distinct(batch.connection).tolist():
                 if number in self._timed:
-                    timed.setdefault(self._timed[number], []).append(log_time[connection == number])
+                    timed.setdefault(self._timed[number], []).append(batch.log_time[batch.connection == number])
         return decoded, {topic: np.concatenate(some) for topic, some in timed.items()}
 
     def _rows(self, topic: str, columns: Columns) -> Rows:

@@ -15,7 +15,7 @@ from ...units import NS_PER_S
 from .. import contract
 from ..compression import decompress
 from ..contract import LogReader, ParsedChunk
-from ..index import Buffer, ChunkRef, read_at
+from ..index import Buffer, ChunkRef
 from . import records as fmt
 
 _HEAD = 46
@@ -99,7 +99,10 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> ParsedChunk:
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> ParsedChunk:
     """Return the records of a bag chunk; see ``contract.parse_chunk``."""
-    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
+    def head_size(at: int) -> int:
+        return 8 + int(_U32.unpack_from(raw, at)[0]) if at + 4 <= len(raw) else 0
+
+    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end), head_size)
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
@@ -107,10 +110,8 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
     result = []
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:
-            count, rest = divmod(record.end - record.begin, ENTRY_TYPE.itemsize)
-            if rest or fmt.u32(record.fields, "ver") != 1 or fmt.u32(record.fields, "count") != count:
-                raise BagFormatError("the index of a chunk is damaged")
-            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, ENTRY_TYPE, count, record.begin)))
+            result.append((fmt.u32(record.fields, "conn"),
+                           np.frombuffer(raw, ENTRY_TYPE, fmt.index_entries(record), record.begin)))
     return result
 
 
@@ -134,13 +135,3 @@ class BagReader(LogReader):
         except BagFormatError:  # the index only helps: the chunk's own records count
             offset = None
         return parse_chunk(data, offset).batch
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 4096))
-        begin = chunk.position + head.end
-        try:
-            entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
-        except BagFormatError:
-            return None
-        return [(number, entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"])
-                for number, entry in entries]

@@ -4,13 +4,14 @@ What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import struct
+from array import array
 from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..index import Buffer, ChunkHead, ChunkRef, LogIndex, codec_totals, read_at
+from ..index import Buffer, ChunkHead, ChunkRef, IndexTotals, LogIndex, codec_totals, extremes, read_at
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(2, 8)
@@ -27,8 +28,6 @@ Header = Dict[str, bytes]
 
 
 _CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"
-_INDEX_HEAD = 55
-"""Bytes of an index record without its entries."""
 _PROBE = 4096
 _WINDOW = 4 << 20
 _CHUNK_MARK = b"\x04\x00\x00\x00op=" + bytes([OP_CHUNK])
@@ -287,21 +286,74 @@ def look_between(descriptor: int, begin: int, end: int) -> Optional[str]:
     return None
 
 
-def _around_chunks(descriptor: int, chunks: List[ChunkRef], first: int, index_position: int
-                   ) -> Tuple[List[ChunkHead], List[Tuple[int, int]]]:
-    """Return the heads of chunks, and the byte ranges outside of the chunks and their expected indexes."""
-    heads: List[ChunkHead] = []
-    stretches = [(first, chunks[0].position if chunks else index_position)]
-    for chunk in chunks:
+def index_entries(record: Record) -> int:
+    """Return how many messages an index record names.
+
+    Raises:
+        BagFormatError: It is of another version, or its length does not fit.
+    """
+    count, rest = divmod(record.end - record.begin, INDEX_ENTRY_SIZE)
+    if rest or u32(record.fields, "ver") != 1 or u32(record.fields, "count") != count:
+        raise BagFormatError("the index of a chunk is damaged")
+    return count
+
+
+def _time_extremes(entries: bytes) -> Tuple[int, int]:
+    """Return the least and the greatest time, ns, of an index record's entries, of at least one."""
+    words = array("I", entries)
+    times = array("I", bytes(len(words) // 3 * 8))
+    times[::2], times[1::2] = words[1::3], words[::3]  # nanoseconds and seconds, as one number of a little-endian host
+    first, last = ((time >> 32) * NS_PER_S + (time & 0xFFFFFFFF) for time in extremes(array("Q", times.tobytes())))
+    return first, last
+
+
+def _index_behind(raw: bytes) -> Tuple[IndexTotals, int]:
+    """Return what the index records at the start of a buffer name, and where those end that are in order."""
+    totals = IndexTotals()
+    at = 0
+    while at < len(raw):
+        record = try_record_at(raw, at)
+        if record is None or record.kind != OP_INDEX or record.end > len(raw):
+            break
         try:
-            head = parse_chunk_head(read_at(descriptor, chunk.position, 256))
+            count = index_entries(record)
+            if count:
+                totals.add(u32(record.fields, "conn"), count, *_time_extremes(raw[record.begin:record.end]))
+        except BagFormatError:
+            break
+        at = record.end
+    return totals, at
+
+
+def _contradiction(info: ChunkInfo, totals: IndexTotals) -> str:
+    """Return how a chunk's entry in the index section differs from the chunk's own index; empty where it does not."""
+    declared = {file_id: count for file_id, count in info.counts.items() if count}
+    if declared != totals.counts:
+        return "it tells of %d messages in the chunk at byte %d, the chunk's own index of %d" % (
+            sum(declared.values()), info.position, sum(totals.counts.values()))
+    if totals.contradicts(info.start_time, info.end_time):
+        return "the times of the chunk at byte %d are not those in the chunk's own index" % info.position
+    return ""
+
+
+def _look_at_chunks(descriptor: int, infos: List[ChunkInfo], first: int, index_position: int
+                    ) -> Tuple[List[ChunkHead], List[Tuple[int, int]], List[str]]:
+    """Return the heads of chunks, the byte ranges outside of the chunks and their indexes, and contradictions."""
+    heads: List[ChunkHead] = []
+    contradictions = []
+    stretches = [(first, infos[0].position if infos else index_position)]
+    for info, end in zip(infos, [info.position for info in infos[1:]] + [index_position]):
+        try:
+            head = parse_chunk_head(read_at(descriptor, info.position, 256))
         except BagFormatError:  # whoever reads the chunk is told
             continue
         heads.append(head)
-        behind = chunk.position + head.end
-        if behind + sum(_INDEX_HEAD + INDEX_ENTRY_SIZE * count for count in chunk.counts.values()) != chunk.end:
-            stretches.append((behind, chunk.end))
-    return heads, stretches
+        behind = info.position + head.end
+        totals, size = _index_behind(read_at(descriptor, behind, end - behind))
+        if behind + size != end:
+            stretches.append((behind + size, end))
+        contradictions.append(_contradiction(info, totals))
+    return heads, stretches, contradictions
 
 
 def read_index(path: PathLike, descriptor: int) -> LogIndex:
@@ -336,15 +388,16 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     for info, end in zip(infos, ends):
         if not first_chunk <= info.position < end or not numbers.keys() >= info.counts.keys():
             raise BagFormatError(DAMAGED)
-        by_number = {numbers[file_id]: count for file_id, count in info.counts.items()}
+        by_number = {numbers[file_id]: count for file_id, count in info.counts.items() if count}
         for number, count in by_number.items():
             counts[number] += count
-        chunks.append(ChunkRef(info.position, end, info.start_time, info.end_time, by_number))
-    heads, stretches = _around_chunks(descriptor, chunks, first_chunk, index_position)
+        span = (info.start_time, info.end_time) if by_number else (0, 0)
+        chunks.append(ChunkRef(info.position, end, *span, by_number))
+    heads, stretches, contradictions = _look_at_chunks(descriptor, infos, first_chunk, index_position)
     notes = [look_between(descriptor, begin, end) for begin, end in stretches + [(index_end, size)]]
-    filled = [chunk for chunk in chunks if any(chunk.counts.values())]
+    filled = [chunk for chunk in chunks if chunk.counts]
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
                     min((c.start_time for c in filled), default=None),
                     max((c.end_time for c in filled), default=None), codecs=codec_totals(
                         (head.codec, head.data_size, head.size) for head in heads) if len(heads) == len(chunks) else (),
-                    notes=tuple(note for note in notes if note))
+                    notes=tuple(note for note in notes if note), contradiction=next(filter(None, contradictions), ""))

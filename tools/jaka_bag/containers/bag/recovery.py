@@ -190,7 +190,9 @@ class BagRecovery(LogRecovery):
             self.lose(at, end, "%s; %d of %d bytes of it were read" % (error, len(raw), head.size))
             return scan(raw)
         try:
-            return parse_chunk(raw, offset)
+            parsed = parse_chunk(raw, offset)
+            self.misled += parsed.is_misled
+            return parsed
         except BagFormatError as error:
             parsed, skipped = _around_damage(bytes(raw))
             self.lose(at, end, "%s; %d bytes were skipped, %d messages kept" % (error, skipped, len(parsed.batch)))

@@ -8,13 +8,13 @@ from typing import BinaryIO, Counter, Dict, Iterator, List, NamedTuple, Optional
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, RowStore
+from ...messages.batch import MessageBatch, RowStore
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..contract import LogReader
+from ..contract import LogReader, chunk_of
 from ..index import ChunkRef, LogIndex, read_at
-from ..recovery import LogRecovery, Stretch, chunk_of
+from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .records import parse_chunk_head
 
@@ -125,9 +125,6 @@ class RosrecordReader(LogReader):
         if run is None or run.end != chunk.end:
             raise BagFormatError("a record is damaged")
         return run.batch
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        return None
 
 
 class RosrecordRecovery(LogRecovery):

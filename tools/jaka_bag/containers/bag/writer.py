@@ -77,9 +77,9 @@ class BagWriter(LogWriter):
         for connection, which in by_connection(number, unsigned):
             indexes.append((connection, fmt.index_record(connection, len(which), entries[which].tobytes())))
             counts[connection] = len(which)
-        body = self._compress(data.data)
-        return EncodedChunk(fmt.chunk_head(self._codec, len(data), len(body)), body, indexes, counts,
-                            int(unsigned.min()), int(unsigned.max()), len(data), declared)
+        codec, body = self._packed(data)
+        return EncodedChunk(fmt.chunk_head(codec, len(data), len(body)), body, indexes, counts,
+                            int(unsigned.min()), int(unsigned.max()), codec, len(data), declared)
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
         """Write a chunk; see ``LogWriter.append``."""

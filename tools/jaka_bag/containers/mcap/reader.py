@@ -14,14 +14,43 @@ from ...messages.connection import Connection
 from .. import contract
 from ..compression import decompress
 from ..contract import LogReader, ParsedChunk
-from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex, read_at
+from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
 from . import records as fmt
 
 _HEAD = fmt.MESSAGE_HEAD.size
 HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
                       ("log_time", "<u8"), ("publish_time", "<u8")])
 """The bytes of a message record before its payload."""
-Schemas = Dict[int, fmt.Schema]
+
+class Channels:
+    """The schemas and channels declared so far in the order of a file.
+
+    A channel id that is defined again with another topic stands for another connection from there on, under a number
+    that no channel of a file can have.
+
+    Args:
+        known: Connections by the file's id; it grows.
+
+    Attributes:
+        schemas: Schemas by id.
+        renamed: Numbers of the connections for which ids stand that were defined again.
+    """
+
+    def __init__(self, known: Optional[Dict[int, Connection]] = None) -> None:
+        self.schemas: Dict[int, fmt.Schema] = {}
+        self.renamed: Dict[int, int] = {}
+        self._known = {} if known is None else known
+
+    def define(self, body: Buffer) -> Tuple[int, Connection]:
+        """Return the number and the connection of a channel record's body."""
+        number, connection = fmt.parse_channel(body, self.schemas)
+        file_id = number
+        while self._known.setdefault(number, connection).topic != connection.topic:
+            number += fmt.MAX_CHANNELS + 1
+        self.renamed.pop(file_id, None)
+        if number != file_id:
+            self.renamed[file_id] = number
+        return number, connection
 
 
 def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
@@ -37,13 +66,13 @@ def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
                  heads["publish_time"].astype(np.uint64).view(np.int64), heads["sequence"].astype(np.uint32))
 
 
-def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = None,
+def scan(raw: Buffer, channels: Channels, begin: int = 0, end: Optional[int] = None,
          is_loose: bool = False) -> ParsedChunk:
     """Read the records of an MCAP chunk's bytes, one by one, up to the first that is damaged or cut off.
 
     Args:
         raw: The uncompressed chunk.
-        schemas: Schemas declared before the chunk; those declared in it are added.
+        channels: Declarations before the chunk; those in it are added.
         begin: First byte to read.
         end: Byte to stop at; None for the end.
         is_loose: The bytes are not a chunk's but the file's own: stop at a record that belongs in no chunk.
@@ -57,11 +86,12 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
                 if body + _HEAD - fmt.RECORD_HEAD.size > body_end:
                     break
                 channel, sequence, log_time, publish_time = fmt.MESSAGE_HEAD.unpack_from(raw, at)[2:]
-                rows.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
+                rows.append((at + _HEAD, body_end - at - _HEAD, channels.renamed.get(channel, channel), log_time,
+                             publish_time, sequence))
             elif opcode == fmt.SCHEMA:
-                schemas.update([fmt.parse_schema(raw[body:body_end])])
+                channels.schemas.update([fmt.parse_schema(raw[body:body_end])])
             elif opcode == fmt.CHANNEL:
-                connections.update([fmt.parse_channel(raw[body:body_end], schemas)])
+                connections.update([channels.define(raw[body:body_end])])
             elif opcode == 0 or is_loose:
                 break
         except BagFormatError:
@@ -70,9 +100,15 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
     return ParsedChunk(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
 
 
-def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> ParsedChunk:
-    """Return the records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
-    return contract.parse_chunk(raw, offset, _regular_mcap, lambda begin, end: scan(raw, schemas, begin, end))
+def parse_chunk(raw: Buffer, offset: Optional[Array], channels: Channels) -> ParsedChunk:
+    """Return the records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``channels``, ``scan``."""
+    before = dict(channels.renamed)
+    parsed = contract.parse_chunk(raw, None if before else offset, _regular_mcap,
+                                  lambda begin, end: scan(raw, channels, begin, end), lambda at: _HEAD)
+    if channels.renamed != before:  # within the chunk: which definition holds depends on the place
+        channels.renamed = before
+        parsed = scan(raw, channels)
+    return parsed
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
@@ -98,8 +134,15 @@ class McapReader(LogReader):
     """An MCAP open for reading; see ``LogReader``."""
 
     def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
+        channels = Channels(dict(zip(self.index.numbers, self.connections)))
+        batch = self._messages(chunk, raw, channels)
+        if channels.renamed:
+            raise BagFormatError(fmt.DEFINED_AGAIN % min(channels.renamed))
+        return batch
+
+    def _messages(self, chunk: ChunkRef, raw: bytes, channels: Channels) -> MessageBatch:
         if chunk.is_loose:
-            return parse_chunk(raw, None, {}).batch
+            return parse_chunk(raw, None, channels).batch
         head = fmt.parse_chunk_head(raw)
         end = head.data_start + head.data_size
         if head.end > len(raw):
@@ -108,17 +151,11 @@ class McapReader(LogReader):
         data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
         if head.crc and zlib.crc32(data) != head.crc:
             raise BagFormatError("the chunk's CRC is wrong")
-        return parse_chunk(data, offsets_in(index_entries(raw, head.end)), {}).batch
-
-    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
-        if chunk.is_loose:
-            return None
-        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 256))
-        begin = chunk.position + head.end
-        if begin == chunk.end:
-            return None
-        entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
-        return [(channel, entry[:, 0].copy().view(np.int64)) for channel, entry in entries]
+        try:
+            offset = offsets_in(index_entries(raw, head.end))
+        except BagFormatError:  # the index only helps: the chunk's own records count
+            offset = None
+        return parse_chunk(data, offset, channels).batch
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""

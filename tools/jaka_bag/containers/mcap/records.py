@@ -5,12 +5,25 @@ Functions that read raise ``BagFormatError`` where the bytes are damaged or cut 
 import os
 import struct
 import zlib
-from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+from array import array
+from typing import Counter, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
-from ..index import AttachmentIndex, Buffer, ChunkHead, ChunkRef, LogIndex, MetadataIndex, codec_totals, read_at
+from ..compression import unknown_codec
+from ..index import (
+    AttachmentIndex,
+    Buffer,
+    ChunkHead,
+    ChunkRef,
+    IndexTotals,
+    LogIndex,
+    MetadataIndex,
+    codec_totals,
+    extremes,
+    read_at,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -22,8 +35,12 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
 
+_LATEST = (1 << 63) - 1
+"""Latest time, ns, that this package can hold."""
+_WINDOW = 4 << 20
 _MAX_UNKNOWN = 4096
 """Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
+DEFINED_AGAIN = "channel %d is defined again with another topic"
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
@@ -209,7 +226,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
     codec = cursor.text()
     stored = cursor.number("Q")
     if codec not in _CODECS:
-        raise BagFormatError("compression %r is not known" % codec[:20])
+        raise unknown_codec(codec)
     if not 0 <= end - cursor.at - stored <= _MAX_UNKNOWN:
         raise BagFormatError("a chunk record is damaged")
     return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored, end)
@@ -277,6 +294,24 @@ def read_file_head(descriptor: int) -> Tuple[str, str, int]:
     return cursor.text(), cursor.text(), begin + size
 
 
+def end_of_records(descriptor: int, size: int) -> int:
+    """Return the end of a file without the zeros behind its last magic bytes; its size where there are none."""
+    end = size
+    while end > 0:
+        begin = max(end - _WINDOW, 0)
+        kept = read_at(descriptor, begin, end - begin).rstrip(b"\0")
+        if kept:
+            end = begin + len(kept)
+            break
+        end = begin
+    return end if read_at(descriptor, max(end - len(MAGIC), 0), len(MAGIC)) == MAGIC else size
+
+
+def zeros_behind(end: int, size: int) -> List[str]:
+    """Return the note on the zeros between ``end_of_records`` and a file's end, if there are any."""
+    return ["%d bytes at byte %d are zero and were skipped" % (size - end, end)] if end < size else []
+
+
 def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
     """Start of the summary (0: the file has none) and its CRC (0: not given)."""
     tail_size = FOOTER_SIZE + len(MAGIC)
@@ -332,32 +367,115 @@ def _find_extras(descriptor: int, begin: int, size: int) -> Tuple[List[Attachmen
     return attachments, metadata
 
 
+def _index_behind(raw: bytes) -> IndexTotals:
+    """Return what the message indexes in a buffer name; less than declared where one is damaged."""
+    totals = IndexTotals()
+    for opcode, begin, end in records_in(raw):
+        if opcode != MESSAGE_INDEX or end - begin < 6:
+            continue
+        channel, size = struct.unpack_from("<HI", raw, begin)
+        count = min(size, end - begin - 6) // 16
+        times = array("Q", raw[begin + 6:begin + 6 + 16 * count])[::2]
+        if times:
+            totals.add(channel, len(times), *extremes(times))
+    return totals
+
+
+def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connection]) -> bool:
+    """Return whether the data section between two bytes, outside of named chunks, holds nothing but what is known.
+
+    That is no message, no bytes that are no records, and no channel of another topic than the summary has.
+    """
+    while begin < end:
+        head = read_at(descriptor, begin, RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
+        begin += RECORD_HEAD.size + length
+        if opcode in (0, CHUNK, MESSAGE) or begin > end:
+            return False
+        if opcode == CHANNEL:
+            number, channel = parse_channel(read_at(descriptor, begin - length, length), {})
+            if number not in channels or channels[number].topic != channel.topic:
+                return False
+    return True
+
+
+def _is_data_intact(descriptor: int, end: int) -> bool:
+    """Return whether the data section, with its last record before ``end``, has the CRC that it names, if it does."""
+    end -= RECORD_HEAD.size + 4
+    raw = read_at(descriptor, end, RECORD_HEAD.size + 4)
+    expected = int.from_bytes(raw[RECORD_HEAD.size:], "little") if raw[:1] == bytes([DATA_END]) else 0
+    crc, at = 0, 0
+    while expected and at < end:
+        crc = zlib.crc32(read_at(descriptor, at, min(_WINDOW, end - at)), crc)
+        at += _WINDOW
+    return crc == expected
+
+
+def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> Tuple[str, Dict[int, IndexTotals]]:
+    """Compare a summary with the message indexes in the data section, from byte ``begin`` to before ``end``.
+
+    Returns:
+        Where they differ first, empty where they do not; and what the indexes name, by position of the chunk.
+    """
+    found: Dict[int, IndexTotals] = {}
+    counts: Counter[int] = Counter()
+    for chunk in summary.chunks:
+        if not _is_named(descriptor, begin, chunk.position, summary.channels):
+            return "it does not name all that lies before byte %d" % chunk.position, found
+        behind = chunk.position + chunk.size
+        totals = found[chunk.position] = _index_behind(read_at(descriptor, behind, chunk.index_size))
+        begin = behind + chunk.index_size
+        counts.update(totals.counts)
+        if not chunk.index_offsets.keys() >= totals.counts.keys() or totals.contradicts(
+                chunk.start_time, chunk.end_time) or chunk.end_time > _LATEST:
+            return "channels or times of the chunk at byte %d are not those of its messages" % chunk.position, found
+    if not _is_named(descriptor, begin, end, summary.channels):
+        return "it does not name all that lies behind byte %d" % begin, found
+    statistics = summary.statistics
+    assert statistics is not None
+    if statistics.messages != sum(counts.values()) or any(
+            counts[channel] != count for channel, count in statistics.channel_messages.items()):
+        return "it tells of %d messages, the chunks' own indexes of %d" % (
+            statistics.messages, sum(counts.values())), found
+    return "", found
+
+
 def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     """Read the index of an MCAP; return None for a whole file without a usable summary."""
-    size = os.fstat(descriptor).st_size
+    file_size = os.fstat(descriptor).st_size
+    size = end_of_records(descriptor, file_size)
     profile, library, data_start = read_file_head(descriptor)
     summary = read_summary(descriptor, size)
     if summary is None or not _is_complete(summary):
         return None
-    assert summary.statistics is not None
     numbers = {channel_id: number for number, channel_id in enumerate(summary.channels)}
-    chunks: List[ChunkRef] = []
-    for chunk in sorted(summary.chunks, key=lambda c: c.position):
-        end = chunk.position + chunk.size + chunk.index_size
-        earliest = chunks[-1].end if chunks else data_start
-        if chunk.position < earliest or end > size or not numbers.keys() >= chunk.index_offsets.keys():
+    summary.chunks.sort(key=lambda chunk: chunk.position)
+    earliest = data_start
+    for chunk in summary.chunks:
+        if chunk.position < earliest or not numbers.keys() >= chunk.index_offsets.keys():
             raise BagFormatError(_DAMAGED)
-        chunks.append(ChunkRef(chunk.position, end, chunk.start_time, chunk.end_time,
-                               {numbers[c]: 0 for c in chunk.index_offsets}))
+        earliest = chunk.position + chunk.size + chunk.index_size
+    if earliest > size:
+        raise BagFormatError(_DAMAGED)
+    data_end = read_footer(descriptor, size)[0]
+    contradiction, found = _contradiction(descriptor, summary, data_start, data_end)
+    chunks = [ChunkRef(c.position, c.position + c.size + c.index_size, *(
+        (c.start_time, c.end_time) if found[c.position].counts else (0, 0)), {
+            numbers[channel]: count for channel, count in found[c.position].counts.items()})
+        for c in (() if contradiction else summary.chunks)]
+    filled = [chunk for chunk in chunks if chunk.counts]
     statistics = summary.statistics
+    assert statistics is not None
     attachments, metadata = summary.attachments, summary.metadata
     if statistics[3:5] != (len(attachments), len(metadata)):
         attachments, metadata = _find_extras(descriptor, data_start, size)
-    counts = [statistics.channel_messages.get(channel_id, 0) for channel_id in summary.channels]
-    if sum(counts) != statistics.messages:
-        raise BagFormatError(_DAMAGED)
-    first, last = (statistics.start_time, statistics.end_time) if statistics.messages else (None, None)
-    return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts, first, last,
-                    profile, library, tuple(attachments), tuple(metadata),
+    first, last = min((c.start_time for c in filled), default=None), max((c.end_time for c in filled), default=None)
+    if contradiction and not _is_data_intact(descriptor, data_end):
+        raise BagFormatError("the data section's CRC is wrong (jaka_bag recover keeps the rest)")
+    if filled and (first, last) != (statistics.start_time, statistics.end_time):
+        contradiction = contradiction or "its times are not those of the messages"
+    counts = [statistics.channel_messages.get(channel, 0) for channel in numbers]
+    return LogIndex("mcap", "0", str(path), file_size, list(summary.channels.values()), numbers, chunks, counts, first,
+                    last, profile, library, tuple(attachments), tuple(metadata),
                     codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
-                                 for c in summary.chunks))
+                                 for c in summary.chunks), tuple(zeros_behind(size, file_size)), contradiction)

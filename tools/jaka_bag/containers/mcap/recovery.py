@@ -11,15 +11,17 @@ import numpy as np
 from ...errors import BagFormatError
 from ...paths import PathLike
 from ..compression import decompress
-from ..contract import ParsedChunk
+from ..contract import ParsedChunk, chunk_of
 from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
-from ..recovery import LogRecovery, Stretch, chunk_of
+from ..recovery import LogRecovery, Stretch
 from . import records as fmt
-from .reader import index_entries, offsets_in, parse_chunk, scan
+from .reader import Channels, index_entries, offsets_in, parse_chunk, scan
 
 _LOOSE = (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE)
 _LOOSE_WINDOW = 1 << 20
 _WINDOW = 4 << 20
+_FIRST_PRIVATE = 0x80
+"""The first kind of record that programs may give a meaning of their own."""
 _CODEC_AT = 37
 """Position of the length of the codec's name in a chunk record."""
 _SMALLEST_CHUNK = 49
@@ -29,8 +31,9 @@ class McapRecovery(LogRecovery):
     """The recovery of an MCAP; see ``LogRecovery``. The profile is ``ros1`` where the file's head is damaged."""
 
     def __init__(self, descriptor: int, size: int) -> None:
-        super().__init__(descriptor, size)
-        self._schemas: Dict[int, fmt.Schema] = {}
+        super().__init__(descriptor, fmt.end_of_records(descriptor, size))
+        self.notes += fmt.zeros_behind(self.size, size)
+        self._channels = Channels()
         self._begin = len(fmt.MAGIC)
         self.library = ""
         try:
@@ -38,9 +41,9 @@ class McapRecovery(LogRecovery):
         except BagFormatError as error:
             self.lose(0, self._begin, str(error))
         try:
-            summary = fmt.read_summary(descriptor, size)
+            summary = fmt.read_summary(descriptor, self.size)
             if summary is not None:
-                self._schemas.update(summary.schemas)
+                self._channels.schemas.update(summary.schemas)
                 self.learn(summary.channels)
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
@@ -71,7 +74,7 @@ class McapRecovery(LogRecovery):
     def _loose(self, at: int) -> Tuple[ParsedChunk, int]:
         """Return loose records from a position on, and their end."""
         length = max(_LOOSE_WINDOW, self._record_end(at) - at)
-        parsed = scan(read_at(self.descriptor, at, length), self._schemas, is_loose=True)
+        parsed = scan(read_at(self.descriptor, at, length), self._channels, is_loose=True)
         if not parsed.consumed:
             raise BagFormatError("a record is damaged")
         self._refuse_swallowing(at, at + parsed.consumed)
@@ -104,8 +107,10 @@ class McapRecovery(LogRecovery):
     def _other(self, at: int, opcode: int) -> int:
         """Read a record that holds no message; return its end."""
         end = self._record_end(at)
-        if opcode == 0 or opcode > 0x0F and opcode < 0x80:
-            raise BagFormatError("a record of unknown kind %d" % opcode)
+        if opcode == 0:
+            raise BagFormatError("a record of unknown kind 0")
+        if fmt.DATA_END < opcode < _FIRST_PRIVATE:
+            self.notes.append("a record of the unknown kind %d at byte %d was skipped" % (opcode, at))
         if opcode != fmt.ATTACHMENT:
             self._refuse_swallowing(at, end)
         if opcode in (fmt.METADATA, fmt.ATTACHMENT):
@@ -148,7 +153,7 @@ class McapRecovery(LogRecovery):
                 raise BagFormatError("a chunk's length is damaged")
             data = read_at(self.descriptor, at + head.data_start, head.data_size)
             raw = self._partly(head.codec, data, at, head.size)
-            parsed = scan(raw, self._schemas)
+            parsed = scan(raw, self._channels)
             self.lose(at, self.size, "the last chunk is cut off; %d messages of it were read" % len(parsed.batch))
             return parsed, self.size
         region_end = self._region_end(at)
@@ -159,7 +164,7 @@ class McapRecovery(LogRecovery):
             full: Buffer = decompress(head.codec, data, head.size)
         except BagFormatError as error:
             part = self._partly(head.codec, data, at, head.size)
-            parsed = scan(part, self._schemas)
+            parsed = scan(part, self._channels)
             self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.batch)))
             return parsed, region_end
         try:
@@ -167,9 +172,10 @@ class McapRecovery(LogRecovery):
         except BagFormatError:  # the message indexes behind the chunk are not usable
             offset = None
         try:
-            parsed = parse_chunk(full, offset, self._schemas)
+            parsed = parse_chunk(full, offset, self._channels)
+            self.misled += parsed.is_misled
         except BagFormatError as error:
-            parsed = scan(full, self._schemas)
+            parsed = scan(full, self._channels)
             self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.batch)))
             return parsed, region_end
         if head.crc and zlib.crc32(full) != head.crc:
@@ -204,6 +210,9 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
         if len(stretch.batch):
             found.append(chunk_of(stretch.begin, stretch.end, stretch.batch, stretch.is_loose))
             totals.update(found[-1].counts)
+    again = [channel % (fmt.MAX_CHANNELS + 1) for channel in walk.connections if channel > fmt.MAX_CHANNELS]
+    if again:
+        raise BagFormatError(fmt.DEFINED_AGAIN % again[0] + " (jaka_bag recover keeps both)")
     numbers = {channel: number for number, channel in enumerate(walk.connections)}
     for channel in totals.keys() - numbers.keys():
         raise BagFormatError("messages of channel %d, which is not described" % channel)
@@ -212,4 +221,4 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
     return LogIndex("mcap", "0", str(path), size, list(walk.connections.values()), numbers, chunks,
                     [totals[channel] for channel in numbers],
                     min((c.start_time for c in chunks), default=None), max((c.end_time for c in chunks), default=None),
-                    walk.profile, walk.library, tuple(walk.attachments), tuple(walk.metadata))
+                    walk.profile, walk.library, tuple(walk.attachments), tuple(walk.metadata), notes=tuple(walk.notes))

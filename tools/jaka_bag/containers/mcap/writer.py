@@ -150,11 +150,11 @@ class McapWriter(LogWriter):
             raw = entries.tobytes()
             indexes.append((number, record(fmt.MESSAGE_INDEX, struct.pack("<HI", number, len(raw)) + raw)))
             counts[number] = len(which)
-        body = self._compress(data.data)
+        codec, body = self._packed(data)
         unsigned = batch.log_time.view(np.uint64)
         start, end = int(unsigned.min()), int(unsigned.max())
-        head = chunk_head(start, end, len(data), zlib.crc32(data.data), self._codec, len(body))
-        return EncodedChunk(head, body, indexes, counts, start, end, len(data))
+        head = chunk_head(start, end, len(data), zlib.crc32(data.data), codec, len(body))
+        return EncodedChunk(head, body, indexes, counts, start, end, codec, len(data))
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
         """Write a chunk; see ``LogWriter.append``."""
@@ -171,7 +171,7 @@ class McapWriter(LogWriter):
         self._summary[fmt.CHUNK_INDEX].append(record(
             fmt.CHUNK_INDEX, struct.pack("<QQQQ", chunk.start_time, chunk.end_time, begin, chunk_end - begin)
             + _number_map(index_offsets) + struct.pack("<Q", at - chunk_end)
-            + text("" if self._codec == "none" else self._codec) + struct.pack("<QQ", len(chunk.body), chunk.size)))
+            + text("" if chunk.codec == "none" else chunk.codec) + struct.pack("<QQ", len(chunk.body), chunk.size)))
         for channel, count in chunk.counts.items():
             self._channel_counts[channel] = self._channel_counts.get(channel, 0) + count
             self.message_count += count
