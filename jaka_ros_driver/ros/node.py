@@ -29,7 +29,7 @@ from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.ros.frame_table import FrameReader
-from jaka_ros_driver.ros.log_bridge import log_to_ros
+from jaka_ros_driver.ros.log_bridge import log_to_ros, log_without_a_file
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from, with_common_ip
@@ -282,6 +282,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         return 1
     serve_from_the_start()
     refuse_shutdown_of_others()
+    log_without_a_file()
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _Signals()
