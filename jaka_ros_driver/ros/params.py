@@ -163,6 +163,8 @@ class DriverConfig:
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
                                                   "Default: true; false with interface vendor and vendor_2025.")
     auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen without a fault.")
+    first_start_only: bool = _flag(False, "auto_enable acts only at the first start since the computer was started. "
+                                          "The launch files set it with respawn, so that a restart powers no arm.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     link_loss_stop: float = _number(
         _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm this time after it has "

@@ -52,6 +52,7 @@ WRONG = [
     ("audit_dir", "/logs\0", "an absolute path"), ("audit_days", -1, "0 to 36500 days"),
     ("audit_days", math.inf, "0 to 36500 days"), ("audit_days", "1826", "0 to 36500 days"),
     ("guard_motion", "on", "stop, warn, off"), ("guard_motion", True, "stop, warn, off"),
+    ("first_start_only", "yes", "true or false"),
     ("workspace", 7, "path of a YAML file"), ("workspace", "/no/such/workspace.yaml", "path of a YAML file"),
 ]
 
