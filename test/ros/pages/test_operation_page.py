@@ -8,12 +8,13 @@ from import_graph import ROOT
 from page_commands import blocks, until
 
 from jaka_ros_driver.ros import exit_codes
+from jaka_ros_driver.ros.topics import diagnostic_states
 
 PAGE = ROOT / "docs" / "operation.md"
 IP = "ip:=10.5.5.100"
 
 
-@pytest.mark.parametrize("table", [exit_codes], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("table", [exit_codes, diagnostic_states], ids=lambda module: module.__name__)
 def test_a_table_is_that_of_the_code(table):
     assert table.markdown() in PAGE.read_text(encoding="utf-8"), "python3 -m " + table.__name__
 
