@@ -117,7 +117,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "graph": {"authority", "record", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
         "pages": {"", "settings", "authority", "record", "plans", "graph"},
-        "program": {"", "settings", "graph", "pages"},
+        "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {
         "": {"programs"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
@@ -133,7 +133,8 @@ OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "simulation.server.event_loop", "wire")) + (
         "jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.program", "jaka_regression.driver_client",
-           "jaka_regression.cell.live_watch", "jaka_regression.message_player", "jaka_regression.trajectory_client")
+           "jaka_regression.ros_node", "jaka_regression.cell.live_watch", "jaka_regression.message_player",
+           "jaka_regression.trajectory_client")
 ASYNC = ("jaka_foxglove", "jaka_panel.pages", "jaka_panel.program", "jaka_panel.graph.calls",
          "jaka_panel.graph.stopper")
 LONGEST = 600

@@ -7,6 +7,8 @@ arm_client      one arm for any number of threads: a lock around the core, one t
 followed_path   the path that is followed for a trajectory, and where it joins a running one
 loop_task       the base class of periodic tasks in the client's thread
 fail_stop       the last stop and the evidence of a driver whose core has failed
+runtime_file    small private files about a controller, for the next driver or guard
+first_start     the note that a controller had a driver since the computer was switched on
 custody_file    the motion in custody, on disk while it lasts
 process_state   the state of another process, from the kernel
 driver_pipe     the guard's end of the pipes between it and the driver

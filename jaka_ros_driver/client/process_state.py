@@ -27,10 +27,14 @@ def start_of(process: int) -> str:
     They tell it from all processes that had or will have the same id.
     """
     try:
-        with open("/proc/sys/kernel/random/boot_id") as file:
-            boot = file.read().strip()
         with open("/proc/%d/stat" % process) as file:
             fields = file.read().rpartition(")")[2].split()
-        return "" if fields[0] in "ZX" else "%s %s" % (boot, fields[19])
+        return "" if fields[0] in "ZX" else "%s %s" % (boot(), fields[19])
     except (OSError, IndexError):
         return ""
+
+
+def boot() -> str:
+    """Return what tells this start of the computer from all others; raise OSError where that is not known."""
+    with open("/proc/sys/kernel/random/boot_id") as file:
+        return file.read().strip()

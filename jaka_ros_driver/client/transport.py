@@ -13,6 +13,7 @@ from collections import deque
 from typing import Deque, Dict, List, NamedTuple, Tuple, Union
 
 from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.protocol.ports import endpoint
 
 _RECEIVE_BYTES = 1 << 16
 _READS_A_TURN = 8
@@ -262,8 +263,8 @@ class Transport:
         connection = self._connections.pop(port, None)
         if connection is not None:
             self._forget(connection)
-        self._put(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
-                          is_turned_away))
+        self._put(Failed(port, "%s: cannot connect to %s: %s" % (
+            port.value, endpoint(self._host, self._ports[port]), why), is_turned_away))
 
     def _end(self, connection: _PortSocket, reason: str, is_turned_away: bool = False) -> None:
         if self._connections.get(connection.port) is connection:
@@ -284,5 +285,6 @@ class Transport:
 
 
 def addresses_of(host: str) -> List[str]:
-    """Return the IPv4 addresses of a host; raise OSError where its name cannot be resolved."""
-    return [str(entry[4][0]) for entry in socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)]
+    """Return the addresses of a host, those of IPv4 first; raise OSError where its name cannot be resolved."""
+    found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    return [str(entry[4][0]) for entry in sorted(found, key=lambda entry: entry[0] is not socket.AF_INET)]

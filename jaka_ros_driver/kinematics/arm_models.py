@@ -177,6 +177,11 @@ def load_model(name: str) -> ArmModel:
     return _model_from_entry(key, models[key], _data()["meta"]["dh_confidence"])
 
 
+def file_or_none(text: str) -> str:
+    """Return the path of a model file, "" for ``none``: an empty default of an argument looks required to roslaunch."""
+    return "" if text == "none" else text
+
+
 def load_model_file(path: str) -> ArmModel:
     """Return the model in a user's file; the format stands at the top of this module.
 

@@ -15,6 +15,7 @@ import time
 from typing import List, Set
 
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import endpoint
 
 _ANSWER_TIMEOUT_S = 1.0
 _RETRY_S = 0.1
@@ -55,8 +56,8 @@ class DriverLock:
                 self.release()
                 if error.errno != errno.EADDRINUSE:
                     raise
-                raise AlreadyDriven("the controller %s:%d is already driven by %s; one controller, one driver"
-                                    % (host, port, _holder_of(name))) from None
+                raise AlreadyDriven("the controller %s is already driven by %s; one controller, one driver"
+                                    % (endpoint(host, port), _holder_of(name))) from None
             taken.listen(8)
             thread = threading.Thread(target=_answer, args=(taken, holder.encode("utf-8", "replace")),
                                       name="driver lock", daemon=True)

@@ -1,7 +1,10 @@
 """The bridge of the package's log records (Python's ``logging``) to rosout, the screen and the node's log file."""
+import functools
 import logging
-from typing import Callable
+import sys
+from typing import Any, Callable, Optional
 
+import rosgraph.roslogging
 import rospy
 
 from jaka_ros_driver.background_log import Background
@@ -25,6 +28,45 @@ class RosLogHandler(logging.Handler):
             rospy.logdebug(text)
 
 
+def log_without_a_file() -> None:
+    """Keep the screen and rosout where rospy's log file cannot be written; call before ``rospy.init_node``.
+
+    rospy logs nothing at all without its folder, ends where the file cannot be opened, and prints a traceback for each
+    line that a full disk does not take.
+    """
+    configure = rosgraph.roslogging.configure_logging
+
+    @functools.wraps(configure)
+    def configure_at_least_the_screen(*args: Any, **kwargs: Any) -> Optional[str]:
+        path = None
+        try:
+            path = configure(*args, **kwargs)
+        except (OSError, ValueError, rosgraph.roslogging.LoggingException) as error:
+            print("WARNING: there is no log file: %s; screen and /rosout go on" % error, file=sys.stderr)
+        logger = logging.getLogger(_ROSPY_LOGGER)
+        if not logger.handlers:
+            logger.addHandler(rosgraph.roslogging.RosStreamHandler())
+            logger.setLevel(logging.INFO)
+        for handler in logging.getLogger().handlers:
+            handler.handleError = _Refused(path)  # type: ignore[method-assign]
+        return path
+
+    rosgraph.roslogging.configure_logging = configure_at_least_the_screen
+
+
+class _Refused:
+    """The answer of a log handler that cannot write: one warning for all its records."""
+
+    def __init__(self, path: Optional[str]) -> None:
+        self._path = path
+        self._is_told = False
+
+    def __call__(self, record: logging.LogRecord) -> None:
+        if not self._is_told:
+            self._is_told = True  # the warning comes to the same handler
+            rospy.logwarn("the log file %s is not written: %s; screen and /rosout go on", self._path, sys.exc_info()[1])
+
+
 def log_to_ros() -> Callable[[float], bool]:
     """Begin to pass records on, after ``rospy.init_node``; screen and rosout each have a thread for theirs.
 
@@ -34,6 +76,8 @@ def log_to_ros() -> Callable[[float], bool]:
     rospy_logger = logging.getLogger(_ROSPY_LOGGER)
     backgrounds = [Background(handler) for handler in rospy_logger.handlers]
     rospy_logger.handlers = list(backgrounds)
+    if logging.lastResort is not None:  # the screen, for rospy's own warnings where there is no log file
+        logging.lastResort = Background(logging.lastResort)
     logger = logging.getLogger(_PACKAGE)
     logger.setLevel(logging.INFO)
     logger.propagate = False

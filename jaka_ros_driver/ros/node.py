@@ -18,18 +18,21 @@ from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
 from jaka_ros_driver.client.custody_file import CustodyFile
+from jaka_ros_driver.client.first_start import is_first_start
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.arm_models import ArmModel, file_or_none
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.audit.recorder import ClientEvents, Recorder
 from jaka_ros_driver.ros.audit.setting_up import audit_log_of, start_fields
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.driver_lock import DriverLock
+from jaka_ros_driver.ros.exit_codes import CONFIGURATION, DEFECT, ENDED, exit_code_of
 from jaka_ros_driver.ros.frame_table import FrameReader
-from jaka_ros_driver.ros.log_bridge import log_to_ros
+from jaka_ros_driver.ros.log_bridge import log_to_ros, log_without_a_file
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from, with_common_ip
@@ -76,6 +79,8 @@ _END_TIMEOUT_S = 5.0
 """Longest time, s, to the node's end: stopping the arm and answering the calls takes 2 s, the rest is the master's."""
 _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
+_NOT_FIRST = ("auto_enable: the driver was started again since this computer was switched on: the arm is left as it is "
+              "(~first_start_only)")
 
 
 class DriverNode:
@@ -85,6 +90,7 @@ class DriverNode:
         """Lock the controller, and create services and topics; raise AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
+        self._endpoint = endpoint(config.ip, config.command_port)
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
         self._audit = audit_log_of(config)
         self._recorder = Recorder(self._audit)
@@ -159,6 +165,7 @@ class DriverNode:
         self._topics.start()
         self._jog_topics.start()
         refuse_topics_used_twice()
+        may_enable = self._config.auto_enable and self._may_enable()
         with self._closing:
             if self._is_closed:
                 return
@@ -167,7 +174,7 @@ class DriverNode:
             self._frames.start()
             self._diagnostics.start()
             self._master_watch.start()
-            if self._config.auto_enable:
+            if may_enable:
                 self._recorder.event("driver", True, level="INFO", text="auto_enable: the arm is to be powered and "
                                      "enabled once it is seen without a fault; asked for by ~auto_enable")
                 self._arm.auto_enable()
@@ -176,8 +183,16 @@ class DriverNode:
                          self._config.guard_motion)
         if self._config.workspace:
             _LOG.info("the motion guard keeps the zones of %s", self._config.workspace)
-        _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
-                  self._config.command_port, self._config.status_port, self._config.interface)
+        _LOG.info("driving a JAKA %s at %s and %d, interface %s", self._model.name, self._endpoint,
+                  self._config.status_port, self._config.interface)
+
+    def _may_enable(self) -> bool:
+        """Return whether ``~auto_enable`` may power the arm at this start; log where it may not."""
+        if not self._config.first_start_only or is_first_start(self._config.ip, self._config.command_port):
+            return True
+        self._recorder.event("driver", True, level="WARNING", text=_NOT_FIRST)
+        _LOG.warning(_NOT_FIRST)
+        return False
 
     def offer_sensors(self) -> None:
         """Offer the topics that only some controllers have, once the status feed shows that this one has them."""
@@ -193,10 +208,9 @@ class DriverNode:
         self._recorder.event("driver", level="INFO", text="the controller is that of a %s arm" % (
             "SIMULATED" if is_simulated else "REAL"))
         if is_simulated:
-            _LOG.warning("SIMULATED ARM: the controller at %s:%d is a simulated one, no real arm moves",
-                         self._config.ip, self._config.command_port)
+            _LOG.warning("SIMULATED ARM: the controller at %s is a simulated one, no real arm moves", self._endpoint)
         else:
-            _LOG.info("REAL ARM: the controller at %s:%d", self._config.ip, self._config.command_port)
+            _LOG.info("REAL ARM: the controller at %s", self._endpoint)
 
     def close(self) -> None:
         """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock.
@@ -257,14 +271,15 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the node until it receives a signal or a shutdown request.
 
     Returns:
-        0 ended in good order, 1 could not start, 2 wrong usage.
+        An exit code (``exit_codes``).
     """
     arguments = rospy.myargv(sys.argv if argv is None else ["jaka_driver"] + argv)[1:]
     parser = argparse.ArgumentParser(
         prog="jaka_driver", description="ROS driver of one JAKA arm. Its private parameters are described in "
         "docs/parameters.md; start it with launch/robot_start_launch.launch.")
     parser.add_argument("--urdf", metavar="MODEL", help="print the URDF of this model, and do nothing else")
-    parser.add_argument("--dh-file", metavar="FILE", default="", help="with --urdf: a model file of your own instead")
+    parser.add_argument("--dh-file", metavar="FILE", default="", type=file_or_none,
+                        help="with --urdf: a model file of your own instead; none: no file")
     parser.add_argument("--frame-prefix", metavar="TEXT", default="", help="with --urdf: in front of every name")
     options = parser.parse_args(arguments)
     if options.urdf is not None:
@@ -279,9 +294,10 @@ def main(argv: Optional[List[str]] = None) -> int:
         refuse_second_node(resolved_node_name(_NAME, sys.argv))
     except JakaError as error:
         print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)
-        return 1
+        return exit_code_of(error)
     serve_from_the_start()
     refuse_shutdown_of_others()
+    log_without_a_file()
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _Signals()
@@ -301,11 +317,11 @@ class _Life:
     So the main thread, which takes the signals, never waits for the master.
 
     Attributes:
-        exit_code: 0, or 1 where the driver could not start or has failed.
+        exit_code: One of ``exit_codes``.
     """
 
     def __init__(self, drain_log: Callable[[float], bool]) -> None:
-        self.exit_code = 0
+        self.exit_code = ENDED
         self._drain_log = drain_log
         self._driver: Optional[DriverNode] = None
         self._ending = threading.Event()
@@ -332,7 +348,7 @@ class _Life:
         while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, on rosnode kill
             time.sleep(_LOOK_ROUND_S)
         if self._driver is not None and self._driver.has_failed:
-            self.exit_code = 1
+            self.exit_code = DEFECT
         if not ending.is_alive() and rospy.is_shutdown():
             return True
         _LOG.error("the ROS master does not answer; ending without it")
@@ -363,10 +379,10 @@ class _Life:
                 driver.publish_kind()
                 driver.offer_sensors()
         except (JakaError, OSError) as error:
-            self.exit_code = 1
+            self.exit_code = exit_code_of(error)
             rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
         except Exception:
-            self.exit_code = 1
+            self.exit_code = DEFECT
             _LOG.exception("a defect of the node")
 
 
@@ -412,7 +428,7 @@ def _print_urdf(options: argparse.Namespace) -> int:
         return 0
     except JakaError as error:
         print("jaka_driver: error: %s" % error, file=sys.stderr)
-        return 1
+        return CONFIGURATION
 
 
 def _set_scheduler(priority: int) -> None:

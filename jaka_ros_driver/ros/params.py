@@ -95,6 +95,12 @@ def _host(value: Any) -> str:
         raise ValueError
     if re.match(r"[0-9.]+\Z", value):
         return str(ipaddress.IPv4Address(value))
+    if ":" in value:
+        address, percent, interface = value.partition("%")
+        known = ipaddress.IPv6Address(address)
+        if percent and not _HOST_LABEL.match(interface):
+            raise ValueError
+        return str(known.ipv4_mapped or known) + percent + interface
     if not all(_HOST_LABEL.match(label) for label in value.split(".")):
         raise ValueError
     return value
@@ -147,7 +153,7 @@ class DriverConfig:
     """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
 
     ip: str = _parameter(
-        "127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller. Where it is not set and "
+        "127.0.0.1", "text", "", "host name or IP address", "Address of the controller. Where it is not set and "
         "~simulator is not either, the parameter `ip` of the node's namespace, or of the nearest one above it that has "
         "one, is taken instead, as the maker's driver does; the log says so.", _host)
     command_port: int = _integer(PORT_NUMBERS["command"], 1, 65535, "Its request and reply port.")
@@ -163,6 +169,8 @@ class DriverConfig:
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
                                                   "Default: true; false with interface vendor and vendor_2025.")
     auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen without a fault.")
+    first_start_only: bool = _flag(False, "auto_enable acts only at the first start since the computer was started. "
+                                          "The launch files set it with respawn, so that a restart powers no arm.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     link_loss_stop: float = _number(
         _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm this time after it has "
@@ -374,7 +382,7 @@ def with_common_ip(values: Mapping[str, Any], name: str, common: Any) -> Tuple[M
         address = _host(common)
     except ValueError:
         raise WrongParameter(
-            "~ip is not set, and %s is %.100r; valid: host name or IPv4 address. Where it belongs to something else, "
+            "~ip is not set, and %s is %.100r; valid: host name or IP address. Where it belongs to something else, "
             "set ~ip of this node" % (name, common)) from None
     return {**values, "ip": address}, "~ip is not set: the controller is the one that %s names, %s" % (name, address)
 

@@ -50,10 +50,19 @@ def refuse_words_that_are_not_taken(words: Sequence[str]) -> None:
         WrongParameter: There are such words; it names them all.
     """
     names = {name for name, _, _ in table()}
-    wrong = [problem for problem in (_problem_of(word, names) for word in words if ":=" in word and word[0] != "-")
-             if problem]
+    wrong = ["%s is not UTF-8" % ascii(word) for word in words if not _is_utf8(word)]
+    wrong = wrong or [problem for problem in (
+        _problem_of(word, names) for word in words if ":=" in word and word[0] != "-") if problem]
     if wrong:
         raise WrongParameter("; ".join(wrong))
+
+
+def _is_utf8(word: str) -> bool:
+    try:
+        word.encode("utf-8")
+    except UnicodeEncodeError:  # bytes of another encoding, of which Python makes halves of surrogate pairs
+        return False
+    return True
 
 
 def _problem_of(word: str, names: Container[str]) -> str:

@@ -8,7 +8,7 @@ import sys
 from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.kinematics.arm_models import model_names
+from jaka_ros_driver.kinematics.arm_models import file_or_none, model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.simulation.arm.servo import Starvation
 from jaka_ros_driver.simulation.controller.beginning import Beginning
@@ -73,7 +73,8 @@ def _serving_parser() -> argparse.ArgumentParser:
         "of its ports. 'jaka_sim panel --help' describes the operator port, 'jaka_sim proxy --help' the "
         "recording of a real controller.")
     parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
-    parser.add_argument("--dh-file", metavar="FILE", help="a model of your own instead, see docs/simulation.md")
+    parser.add_argument("--dh-file", metavar="FILE", type=file_or_none,
+                        help="a model of your own instead, see docs/simulation.md; none: no file")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
     for port, default, text in (
             ("command", PORT_NUMBERS["command"], "commands"), ("status", PORT_NUMBERS["status"], "status feed"),

@@ -6,6 +6,7 @@ import struct
 import time
 from typing import Any, Optional, Tuple
 
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.units import NS_PER_S
 
 LOOPBACK = "127.0.0.1"
@@ -23,7 +24,7 @@ def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
     except OSError:
         return None
     prepare(link)
-    return link, "%s:%d" % address[:2]
+    return link, endpoint(*address[:2])
 
 
 def prepare(link: socket.socket) -> None:

@@ -272,7 +272,7 @@ def test_what_has_changed_since_it_was_shown_is_not_overwritten(tmp_path, monkey
 @pytest.mark.parametrize("words, why", [
     (["{}", "--write"], "--write needs --interface and --model"), (["{}", "--write", "--model", "zu7"], "--interface"),
     (["{}", "--model", "zu77"], "zu77"), (["{}", "--interface", "documented"], "invalid choice"),
-    (["{}", "--yes"], "--yes is for --write"), (["{}", "--ip", '1.2"/><node'], "no IPv4 address"),
+    (["{}", "--yes"], "--yes is for --write"), (["{}", "--ip", '1.2"/><node'], "no IP address"),
     (["{}/none"], "is not there"), ([], "required")])
 def test_wrong_usage_is_2(words, why, tmp_path, capsys):
     try:

@@ -283,7 +283,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "or still_for >= REST_TIME_S:", "or still_for > 0.0:", CORE),
     Mutant("a driver that lives is taken for dead", "client/custody_file.py",
            "bool(start) and start_of(process) == start", "False", ("test/client/test_custody_file.py",)),
-    Mutant("a folder that others can write is trusted", "client/custody_file.py",
+    Mutant("a folder that others can write is trusted", "client/runtime_file.py",
            " or about.st_mode & 0o077", "", ("test/client/test_custody_file.py",)),
     Mutant("an arm in nobody's custody is stopped once", "client/core/stops.py",
            "if may_repeat and self._accepted_at is not None and self._moves_on(now):", "if False:", CORE),

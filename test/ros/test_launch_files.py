@@ -2,27 +2,32 @@
 import contextlib
 import math
 import shlex
+import shutil
+import subprocess
 import xml.etree.ElementTree as ElementTree
 
 import pytest
 import roslaunch
+import roslaunch.arg_dump
 import rospy
 import std_msgs.msg
 from driver_bench import Arm, SimulatorProcess, collecting
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from import_graph import ROOT
+from ros_graph import SYSTEM_PYTHON, Graph
 from tf2_msgs.msg import TFMessage
 from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.core.velocity_jog.dead_man import FRESH_S
-from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.arm_models import file_or_none, load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, matrix_from_rotation_vector
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 FILES = sorted((ROOT / "launch").glob("*.launch"))
+CHECK = "/usr/share/roslaunch/scripts/roslaunch-check"
 START = str(ROOT / "launch" / "robot_start_launch.launch")
 
 
@@ -52,11 +57,34 @@ def test_every_argument_is_documented(path):
                              argument.get("default") is not None for argument in arguments)
 
 
-@pytest.mark.parametrize("path", ["", "/tmp/my arm.yaml"])
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_roslaunch_lists_no_argument_as_required(path):
+    # it takes an argument with an empty default for one
+    assert [name for name, (_, default) in roslaunch.arg_dump.get_args([str(path)]).items() if not default] == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_roslaunch_check_has_no_complaint(path, tmp_path):
+    done = subprocess.run([SYSTEM_PYTHON, CHECK, "-o", str(tmp_path / "result.xml"), str(path)], text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60)
+    assert done.returncode == 0 and "passed" in done.stdout, done.stdout
+
+
+@pytest.mark.skipif(shutil.which("rosrun") is None or not subprocess.run(
+    ["rospack", "find", "joy"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode, reason="joy is there")
+def test_what_is_not_installed_is_said_and_the_rest_of_the_launch_goes_on(tmp_path):
+    with Graph(tmp_path) as graph:
+        launched = graph.start("roslaunch", str(ROOT / "launch" / "gamepad.launch"))
+        launched.wait()
+        assert launched.output.count("not found") >= 1 and "Traceback" not in launched.output, launched.output
+
+
+@pytest.mark.parametrize("path", ["none", "", "/tmp/my arm.yaml"])
 def test_the_simulated_arm_and_the_driver_have_the_same_model_file(path):
     started, params = nodes(["dh_file:=" + path])
     words = shlex.split(started["jaka_sim"].args)
-    assert words[words.index("--dh-file") + 1] == params["/jaka_driver/dh_file"] == path
+    given = words[words.index("--dh-file") + 1]  # roslaunch leaves out what has no value
+    assert file_or_none(given) == params["/jaka_driver/dh_file"] == file_or_none(path)
 
 
 def test_ip_alone_drives_a_real_arm():
@@ -119,16 +147,17 @@ def test_what_the_launch_file_sets_is_what_the_driver_takes_and_has_its_defaults
 def test_a_gamepad_is_stamped_and_sent_to_the_driver(ros_node, arguments, topic, frame):
     # joy and teleop_twist_joy are not packaged by Debian: the file is read, and its stamping part is tried here.
     path = str(ROOT / "launch" / "gamepad.launch")
-    started, params = nodes(arguments, path)
-    assert {(node.package, node_type) for node_type, node in started.items()} == {
+    config = roslaunch.config.load_config_default([(path, arguments)], None, verbose=False)
+    params = {key: p.value for key, p in config.params.items()}
+    assert {tuple(node.args.split()[:2]) for node in config.nodes} == {
         ("joy", "joy_node"), ("teleop_twist_joy", "teleop_node"), ("topic_tools", "transform")}
-    assert {node.namespace for node in started.values()} == {"/gamepad/"}
+    assert {node.namespace for node in config.nodes} == {"/gamepad/"}
     assert params["/gamepad/joy/autorepeat_rate"] * FRESH_S >= 5, "several messages within the time that one counts"
     assert params["/gamepad/teleop/scale_linear/y"] <= DriverConfig().jog_max_linear_speed
     assert params["/gamepad/teleop/scale_angular/yaw"] <= DriverConfig().jog_max_angular_speed
-    stamp = started["transform"]
+    stamp = next(node for node in config.nodes if node.name == "stamp")
     assert list(map(list, stamp.remap_args)) == [["jog_twist", topic]]
-    words = shlex.split(stamp.args)
+    words = shlex.split(stamp.args)[2:]
     assert words[:4] == ["--wait-for-start", "cmd_vel", "jog_twist", "geometry_msgs/TwistStamped"]
     assert words[5:] == ["--import", "rospy", "std_msgs"]
     made = TwistStamped(*eval(words[4], {"rospy": rospy, "std_msgs": std_msgs}, {"m": Twist(linear=Vector3(y=0.1))}))

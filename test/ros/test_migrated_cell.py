@@ -145,4 +145,4 @@ def test_a_global_ip_of_something_else_keeps_the_driver_from_its_start(common_ip
     common_ip({"of": "a camera"})
     with DriverProcess("refused") as driver:
         code, said = driver.wait()
-    assert code == 1 and "cannot start: ~ip is not set, and /ip is {'of': 'a camera'}" in said, said
+    assert code == 2 and "cannot start: ~ip is not set, and /ip is {'of': 'a camera'}" in said, said

@@ -14,6 +14,7 @@ from waiting import eventually
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.exit_codes import CONFIGURATION
 from jaka_ros_driver.ros.services import table as services
 
 
@@ -24,7 +25,7 @@ from jaka_ros_driver.ros.services import table as services
 def test_it_does_not_start_with_a_wrong_parameter(ros_node, parameters, words):
     with DriverProcess("refusing", **parameters) as driver:
         code, said = driver.wait()
-    assert code == 1 and all(word in said for word in words) and "Traceback" not in said
+    assert code == CONFIGURATION and all(word in said for word in words) and "Traceback" not in said
     for name in parameters:
         rospy.delete_param("/refusing/" + name)
 
@@ -99,7 +100,8 @@ def test_the_urdf_is_printed():
     done = subprocess.run([*PROGRAM, "--urdf", "pro16", "--frame-prefix", "a_"], stdout=subprocess.PIPE, text=True)
     assert done.returncode == 0 and '<link name="a_tool0">' in done.stdout
     wrong = subprocess.run([*PROGRAM, "--urdf", "pro17"], stderr=subprocess.PIPE, text=True)
-    assert wrong.returncode == 1 and wrong.stderr.startswith("jaka_driver: error: parameter ~model is 'pro17'")
+    assert wrong.returncode == CONFIGURATION
+    assert wrong.stderr.startswith("jaka_driver: error: parameter ~model is 'pro17'")
 
 
 def test_a_wrong_model_is_told_in_diagnostics_and_in_the_log(ros_node):

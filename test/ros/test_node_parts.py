@@ -160,12 +160,13 @@ def test_a_driver_whose_core_has_failed_ends_with_1(life):
     assert life.end("a defect") and life.exit_code == 1
 
 
-@pytest.mark.parametrize("error", [InvalidCommand("unknown arm model"), OSError("no such file"), KeyError("a defect")])
-def test_a_driver_that_cannot_start_ends_with_1(life, monkeypatch, error):
+@pytest.mark.parametrize("error, code", [
+    (InvalidCommand("unknown arm model"), 2), (OSError("no such file"), 5), (KeyError("a defect"), 1)])
+def test_a_driver_that_cannot_start_ends_with_the_code_of_its_cause(life, monkeypatch, error, code):
     monkeypatch.setattr(node, "DriverNode", mock.Mock(side_effect=error))
     life.start()
     life._thread.join(20.0)
-    assert not life.is_running and life.exit_code == 1
+    assert not life.is_running and life.exit_code == code
     assert bool(life.rospy.fatal) is not isinstance(error, KeyError)
 
 
@@ -191,7 +192,8 @@ def test_the_end_waits_for_another_thread_that_leaves_the_graph(life, monkeypatc
 
 @pytest.mark.parametrize("arguments, code, told", [
     (["--urdf", "zu7"], 0, "<robot"), (["--urdf", "zu7", "--frame-prefix", "left_"], 0, 'name="left_'),
-    (["--urdf", "zu8"], 1, "unknown arm model"), (["--urdf", "zu7", "--dh-file", "/nowhere.yaml"], 1, "/nowhere.yaml")])
+    (["--urdf", "zu8"], 2, "unknown arm model"), (["--urdf", "zu7", "--dh-file", "/nowhere.yaml"], 2, "/nowhere.yaml"),
+    (["--urdf", "zu7", "--dh-file", "none"], 0, "<robot")])
 def test_the_urdf_of_a_model_is_printed_or_why_not(capsys, arguments, code, told):
     assert node.main(arguments) == code
     printed = capsys.readouterr()
@@ -207,7 +209,7 @@ def test_a_log_in_a_file_is_complete_while_the_driver_runs(monkeypatch, is_text)
     monkeypatch.setattr(node.sys, "setswitchinterval", lambda seconds: None)
     monkeypatch.setattr(node.signal, "signal", lambda *arguments: None)
     monkeypatch.setattr(node, "refuse_second_node", mock.Mock(side_effect=InvalidCommand("another one runs")))
-    assert node.main([]) == 1
+    assert node.main([]) == 2
     assert not is_text or stdout.line_buffering
 
 

@@ -52,6 +52,9 @@ WRONG = [
     ("audit_dir", "/logs\0", "an absolute path"), ("audit_days", -1, "0 to 36500 days"),
     ("audit_days", math.inf, "0 to 36500 days"), ("audit_days", "1826", "0 to 36500 days"),
     ("guard_motion", "on", "stop, warn, off"), ("guard_motion", True, "stop, warn, off"),
+    ("first_start_only", "yes", "true or false"), ("ip", "::1::", "IP address"), ("ip", "[::1]", "IP address"),
+    ("ip", "10.5.5.1:80", "IP address"), ("ip", "fe80::1%", "IP address"), ("ip", "fe80::1%a b", "IP address"),
+    ("ip", "m\u00fcnchen", "IP address"), ("ip", "\uff11\uff10.5.5.100", "IP address"),
     ("workspace", 7, "path of a YAML file"), ("workspace", "/no/such/workspace.yaml", "path of a YAML file"),
 ]
 
@@ -107,7 +110,7 @@ def test_the_makers_address_is_taken_where_there_is_none_of_its_own_and_that_is_
 
 @pytest.mark.parametrize("common", [{"of": "a camera"}, 7, "", "10.5.5", "the arm", ["10.5.5.1"], True, "10.5.5.1:80"])
 def test_a_common_ip_that_is_no_address_is_refused_and_not_passed_over(common):
-    with pytest.raises(WrongParameter, match="~ip is not set, and /ip is .*valid: host name or IPv4 address.*set ~ip"):
+    with pytest.raises(WrongParameter, match="~ip is not set, and /ip is .*valid: host name or IP address.*set ~ip"):
         params.with_common_ip({}, "/ip", common)
 
 
@@ -178,6 +181,13 @@ def test_frames_are_activated_as_the_interface_says_unless_told_otherwise():
 def test_the_documentation_is_what_the_code_says():
     written = (import_graph.ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
     assert written == params.markdown(), "run build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md"
+
+
+@pytest.mark.parametrize("written, taken", [
+    ("::1", "::1"), ("2001:DB8:0::0001", "2001:db8::1"), ("fe80::1%eth0", "fe80::1%eth0"),
+    ("::ffff:10.5.5.100", "10.5.5.100"), ("arm-1.cell.local", "arm-1.cell.local")])
+def test_ipv6_addresses_and_names_are_taken(written, taken):
+    assert config_from({"ip": written}).ip == taken
 
 
 def test_the_longest_host_name_is_taken():

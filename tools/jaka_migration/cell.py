@@ -15,7 +15,7 @@ from jaka_migration.launch_file import UnreadableLaunchFile
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 
-_ADDRESS = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?\Z")
+_ADDRESS = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?\Z|[0-9A-Fa-f:]{2,39}(%[A-Za-z0-9_-]{1,15})?\Z")
 _LONGEST = 100
 """Characters of a line of a file that are shown."""
 _EPILOG = """\
@@ -183,7 +183,7 @@ def _options(argv: Optional[List[str]]) -> Tuple[argparse.Namespace, Optional[Wa
     if options.yes and not options.write:
         parser.error("--yes is for --write")
     if options.ip and not _ADDRESS.match(options.ip):
-        parser.error("argument --ip: %s is no IPv4 address or host name" % shown(options.ip))
+        parser.error("argument --ip: %s is no IP address or host name" % shown(options.ip))
     if not options.model:
         return options, None
     try:

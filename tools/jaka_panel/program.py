@@ -8,6 +8,8 @@ from typing import List, Optional
 
 import rospy
 
+from jaka_regression.ros_node import become_node
+
 from .settings import Settings, WrongSettings, settings_from
 
 _LOG = logging.getLogger(__name__)
@@ -37,7 +39,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         return 1
     _LOG.debug("aiohttp %s", aiohttp.__version__)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # while it waits for a master there is nothing to end in order
-    rospy.init_node(_NAME, disable_signals=True)
+    become_node(_NAME)
     try:
         asyncio.new_event_loop().run_until_complete(_serve(settings))
     except OSError as error:

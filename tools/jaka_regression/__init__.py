@@ -9,6 +9,7 @@ command_schedule   when each recorded call is made again: times and causes
 command_player     makes the calls, in threads where they overlap
 preconditions      what must be as it was in the log, so that its calls mean the same
 uncaused_motions   motions in a log that no call began: a replay of calls cannot repeat them
+ros_node           the start of a ROS node that goes on without a log file
 driver_client      the live driver through rospy: raw services, joints, states
 message_player     sends recorded messages to the live driver through rospy; goals until their result
 scenario           what a golden log needs besides itself: arms, simulated controllers, the operator's doings

@@ -20,6 +20,7 @@ from .attended import ReplayStopped, attended
 from .command_player import Reply
 from .command_schedule import STREAM_SERVICES
 from .preconditions import TOLD, ToolPlace, conditions_in
+from .ros_node import become_node
 
 _STOP_S = 5.0
 """A driver answers stop_move in some ms; one that hangs never does."""
@@ -111,7 +112,7 @@ class DriverClient:
     """
 
     def __init__(self, name: str, cancelled: threading.Event, speed_share: float = 1.0) -> None:
-        rospy.init_node(name, anonymous=True, disable_signals=True)
+        become_node(name, anonymous=True)
         self._cancelled = cancelled
         self._speed_share = speed_share
         self._streams: Dict[str, Any] = {}

@@ -9,6 +9,7 @@ import genpy
 import rospy
 from rospy.topics import get_topic_manager
 
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.protocol.texts import printable
 
 PEER = "jaka_driver_peer"
@@ -49,8 +50,7 @@ def caller_of_message(message: genpy.Message, topic: str) -> Caller:
 def address_of(sock: Any) -> str:
     """Return the address of a connection's peer, as text; "" where it is gone already."""
     with contextlib.suppress(OSError, AttributeError, TypeError, ValueError):
-        host, port = sock.getpeername()[:2]
-        return ("[%s]:%d" if ":" in host else "%s:%d") % (host, port)
+        return endpoint(*sock.getpeername()[:2])
     return ""
 
 

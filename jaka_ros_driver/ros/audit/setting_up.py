@@ -10,6 +10,7 @@ from typing import Any, Dict, Optional
 import rospy
 
 from jaka_ros_driver.audit.log import AuditLog
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.audit.plain import plain
 from jaka_ros_driver.ros.params import AUDIT_DIR_AUTO, DriverConfig
 from jaka_ros_driver.ros.topics.diagnostics import package_version
@@ -42,7 +43,7 @@ def start_fields(config: DriverConfig) -> Dict[str, Any]:
     return {
         "version": package_version(), "node": rospy.get_name(), "process": os.getpid(), "user": _user(),
         "machine": platform.node(), "python": platform.python_version(), "model": config.model,
-        "controller": "%s:%d" % (config.ip, config.command_port),
+        "controller": endpoint(config.ip, config.command_port),
         "parameters": {field.name: plain(getattr(config, field.name)) for field in dataclasses.fields(config)}}
 
 

@@ -11,5 +11,6 @@ robot_status      the status message of ROS-Industrial
 servo_topics      servo targets by topic
 jog_topics        velocity jog by topic
 workspace_markers  zones and capsules of the motion guard, for rviz
+diagnostic_states  the meaning and the remedy of each state that the diagnostics show
 diagnostics       condition of arm and link, once a second
 """

@@ -13,8 +13,10 @@ from jaka_ros_driver.audit.log import AuditLog
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.procedures.power import missing_for_motion
 from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.topics.diagnostic_states import NO_STATES, state_of
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.units import m_to_mm, s_to_ms
 
@@ -79,7 +81,7 @@ class Diagnostics:
 
     def _name_hardware(self, is_simulated: Optional[bool]) -> None:
         kind = "" if is_simulated is None else "simulated " if is_simulated else "controller "
-        self._updater.setHardwareID("%s%s:%d" % (kind, self._config.ip, self._config.command_port))
+        self._updater.setHardwareID(kind + endpoint(self._config.ip, self._config.command_port))
 
     def _tasks(self) -> Tuple[Tuple[str, Task], ...]:
         return (
@@ -108,6 +110,8 @@ class Diagnostics:
         reconnects = max(0, health.connections - 1)
         if not health.command_is_up or not health.status_is_up:
             status.summary(ERROR, "down: " + health.last_error)
+        elif self._arm.feed_health.age > self._config.stale_after:
+            status.summary(ERROR, NO_STATES)
         elif health.connections != self._connections and reconnects:
             status.summary(WARN, "connected anew")
         else:
@@ -277,6 +281,10 @@ def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], Diagn
         except Exception as error:  # a check that fails must not affect the others
             _LOG.exception("diagnostic task %s", name)
             status.summary(ERROR, "this check failed: %r" % error)
+        shown = state_of(name, (OK, WARN, ERROR, STALE).index(status.level), status.message)
+        if shown is not None:
+            status.add("meaning", shown.meaning)
+            status.add("remedy", shown.remedy)
         return status
     return run
 

@@ -197,5 +197,5 @@ def test_goals_and_results_are_in_the_audit_log(client, audit):
 
 def test_a_wrong_parameter_is_refused_at_the_start(ros_node):
     code, said = DriverProcess("clumsy", gripper={"joint": "finger_joint", "stroke_time": 99}).wait()
-    assert code == 1 and "stroke_time is 99; valid: a number, 0.01 to 60" in said
+    assert code == 2 and "stroke_time is 99; valid: a number, 0.01 to 60" in said
     assert made_type("control_msgs/GripperCommandAction")._md5sum == KIND._md5sum

@@ -12,12 +12,14 @@ import threading
 import pytest
 from import_graph import ROOT
 
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
 
 PORT = 20000 + os.getpid() % 40000
 """A port of no controller: another run of these tests on this computer has another one."""
 HOLDER = """
 import sys, time
+from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
 try:
     lock = DriverLock(sys.argv[1], int(sys.argv[2]), "node /other")
@@ -129,8 +131,8 @@ def test_a_host_with_two_addresses_is_locked_under_both(monkeypatch):
     ("10.5.5.100", "::ffff:10.5.5.100"), ("fe80:0::0001", "FE80::1"), ("arm.invalid", "ARM.invalid")])
 def test_two_names_of_one_controller_are_one_lock(names):
     first = DriverLock(names[0], PORT, "node /first")
-    with pytest.raises(AlreadyDriven, match="%s:%d is already driven by node /first" % (
-            re.escape(names[1]), PORT)):
+    with pytest.raises(AlreadyDriven, match="%s is already driven by node /first" % (
+            re.escape(endpoint(names[1], PORT)))):
         DriverLock(names[1], PORT, "node /second")
     first.release()
 

@@ -16,6 +16,7 @@ from std_msgs.msg import Bool
 from waiting import WAIT, StallWatch, eventually
 
 from jaka_ros_driver.ros import start_checks
+from jaka_ros_driver.ros.exit_codes import CONFIGURATION, UNREACHABLE
 from jaka_ros_driver.ros.services.table import SERVICES
 from jaka_ros_driver.ros.start_checks import refuse_words_that_are_not_taken, wait_for_time
 
@@ -31,11 +32,11 @@ def roscore(ros_master, free_ports, tmp_path):
     core.kill()
 
 
-def refusal(simulator, environment=None, **parameters):
-    """Return the words of a driver that does not start."""
+def refusal(simulator, environment=None, expected=CONFIGURATION, **parameters):
+    """Return the words of a driver that does not start, and ends with the exit code ``expected``."""
     with DriverProcess("refused", environment, **on(simulator), **parameters) as driver:
         code, said = driver.wait()
-    assert code == 1 and "Traceback" not in said, said
+    assert code == expected and "Traceback" not in said, said
     rospy.delete_param("/refused")  # the master keeps what this one was given
     return said
 
@@ -48,7 +49,7 @@ def untouched(simulator):
 @pytest.mark.parametrize("name, value", [("ROS_HOSTNAME", "nobody.invalid"), ("ROS_IP", "192.0.2.7")])
 def test_a_node_that_no_client_can_reach_refuses_to_start_and_powers_nothing(ros_node, name, value):
     with contextlib.closing(SimulatorProcess()) as simulator:
-        said = refusal(simulator, {name: value})
+        said = refusal(simulator, {name: value}, UNREACHABLE)
         assert "/refused cannot start: clients are told to reach this node at http://%s:" % value in said
         assert "the address comes from %s=%s" % (name, value) in said
         assert untouched(simulator)
@@ -93,7 +94,7 @@ def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node
         del given["ip"]
         with DriverProcess("refused", None, remappings=[word], **given) as driver:
             code, said = driver.wait()
-        assert code == 1 and "Traceback" not in said and "cannot start: " in said and problem in said, said
+        assert code == CONFIGURATION and "Traceback" not in said and "cannot start: " in said and problem in said, said
         assert untouched(simulator)
     with contextlib.suppress(KeyError):
         rospy.delete_param("/refused")

@@ -13,9 +13,13 @@ from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import diagnostics
+from jaka_ros_driver.ros.topics.diagnostic_states import NO_STATES, NOTHING, STATES, state_of
 from jaka_ros_driver.state import RobotState
 
 OK, WARN, ERROR, STALE = range(4)
+CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",
+          "soft limit", "temperature", "servo stream", "velocity jog", "kinematic model", "versions", "custody",
+          "audit log"}
 STATE = RobotState((0.0,) * 6, True, True, True, False, False)
 
 
@@ -65,8 +69,10 @@ class Bench:
     def look(self, name):
         """Return level, words and values of a check."""
         status = self.updater.tasks[name](DiagnosticStatusWrapper())
-        return int(status.level if isinstance(status.level, int) else ord(status.level)), status.message, {
-            value.key: value.value for value in status.values}
+        level = int(status.level if isinstance(status.level, int) else ord(status.level))
+        values = {value.key: value.value for value in status.values}
+        assert values.pop("meaning") and values.pop("remedy") != (NOTHING if level != OK else ""), status.message
+        return level, status.message, values
 
     def level(self, name):
         return self.look(name)[:2]
@@ -108,6 +114,19 @@ def test_a_link_that_is_down_names_its_error_and_a_new_one_is_told_once(bench):
         assert (level, words) == (ERROR, "down: cut")
         assert values[port + " port"].endswith("down") and values[other + " port"].endswith("up")
         setattr(bench.arm.link_health, port + "_is_up", True)
+
+
+@pytest.mark.parametrize("age, expected", [
+    (float("inf"), (ERROR, NO_STATES)), (0.6, (ERROR, NO_STATES)), (0.1, (OK, "up"))])
+def test_a_link_over_which_no_states_come_is_not_shown_as_up(bench, age, expected):
+    bench.arm.feed_health.age = age
+    assert bench.level("controller link") == expected
+
+
+def test_each_state_of_the_table_is_of_a_check_and_can_be_found():
+    assert {state.check for state in STATES} <= CHECKS | {""}
+    for state in STATES:
+        assert state_of(state.check or "versions", state.level, "5" + state.words) == state
 
 
 def test_without_a_connection_yet_there_are_no_reconnects(bench):

@@ -79,6 +79,7 @@ def test_it_comes_once_a_second(reports):
     ("slow_feed", {"rate": 20.0}, "status feed", WARN, "clear_faults"),
     ("stall", {"port": "status", "duration_ms": 4000}, "status feed", STALE, "clear_faults"),
     ("stall", {"port": "status", "duration_ms": 4000}, "controller state", STALE, "clear_faults"),
+    ("stall", {"port": "status", "duration_ms": 4000}, "controller link", ERROR, "clear_faults"),
     ("refuse", {"port": "command", "duration_ms": 4000}, "controller link", ERROR, "clear_faults"),
     ("fault", {"kind": "garbage", "port": "status", "count": None, "probability": 0.2}, "status feed", WARN,
      "clear_faults"),

@@ -150,8 +150,7 @@ class Assembly:
         recorder: The recording; the names of its files are the black box's own.
 
     Raises:
-        BagError: The folder cannot be made or written.
-        UsageError: A condition is not understood.
+        UsageError: The folder cannot be made or written, or a condition is not understood.
     """
 
     def __init__(self, recorder: LogRecording) -> None:
@@ -171,9 +170,9 @@ class Assembly:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise BagError("cannot make the folder %s: %s" % (self._folder, error.strerror)) from error
+            raise UsageError("cannot make the folder %s: %s" % (self._folder, error.strerror)) from error
         if not os.access(str(self._folder), os.W_OK | os.X_OK):
-            raise BagError("cannot write into the folder %s" % self._folder)
+            raise UsageError("cannot write into the folder %s" % self._folder)
 
     @property
     def failures(self) -> int:

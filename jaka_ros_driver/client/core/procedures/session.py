@@ -10,6 +10,7 @@ from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
+from jaka_ros_driver.protocol.ports import endpoint
 
 
 class ForeignController(JakaError):
@@ -38,8 +39,8 @@ def introduction(settings: ClientSettings, actions: Actions) -> Procedure:
     """
     if (yield from _ask(Query.SIMULATOR_IDENTITY, actions)) != settings.simulator:
         raise ForeignController(
-            "the controller at %s:%d is not the simulated one that was launched with this driver; it is left alone"
-            % (settings.host, settings.command_port))
+            "the controller at %s is not the simulated one that was launched with this driver; it is left alone"
+            % endpoint(settings.host, settings.command_port))
 
 
 def handshake(settings: ClientSettings, actions: Actions) -> Procedure:
