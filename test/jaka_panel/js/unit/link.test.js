@@ -25,8 +25,8 @@ function makeConnection() {
   const sockets = /** @type {any[]} */ ([]);
   const states = /** @type {string[]} */ ([]);
   const connection = new Connection({ url: 'ws://x', token: 'abc', name: 'test', onMessage: () => {}, onState: (state) => states.push(state),
-    open: () => {
-      const socket = { readyState: 1, bufferedAmount: 0, sent: /** @type {any[]} */ ([]), send: (/** @type {string} */ text) => socket.sent.push(JSON.parse(text)),
+    open: (_, protocols) => {
+      const socket = { protocols, readyState: 1, bufferedAmount: 0, sent: /** @type {any[]} */ ([]), send: (/** @type {string} */ text) => socket.sent.push(JSON.parse(text)),
         close: () => {}, onopen: () => {}, onmessage: (/** @type {any} */ _) => {}, onclose: (/** @type {any} */ _) => {} };
       sockets.push(socket);
       return /** @type {any} */ (socket);
@@ -39,6 +39,7 @@ function makeConnection() {
 
 test('the first word is hello with the token, an answer finds its request', async () => {
   const { connection, sockets, states, say } = makeConnection();
+  assert.deepEqual(sockets[0].protocols, ['jaka-panel.v1', 'token.abc']);
   assert.deepEqual(sockets[0].sent[0], { t: 'hello', v: 1, token: 'abc', name: 'test', resume: null });
   say({ t: 'welcome', now: 1 });
   assert.deepEqual(states, ['open']);

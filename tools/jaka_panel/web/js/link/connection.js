@@ -24,9 +24,9 @@ export class Connection {
    * @param {string} options.name What this page is called in the others.
    * @param {(message: any) => void} options.onMessage
    * @param {(state: 'open'|'silent'|'lost') => void} options.onState
-   * @param {(url: string, protocol: string) => WebSocket} [options.open] For tests.
+   * @param {(url: string, protocols: string[]) => WebSocket} [options.open] For tests.
    */
-  constructor({ url, token, name, onMessage, onState, open = (address, protocol) => new WebSocket(address, protocol) }) {
+  constructor({ url, token, name, onMessage, onState, open = (address, protocols) => new WebSocket(address, protocols) }) {
     this.url = url;
     this.token = token;
     this.name = name;
@@ -59,7 +59,8 @@ export class Connection {
   }
 
   connect() {
-    const socket = this.open(this.url, 'jaka-panel.v1');
+    // with the token among its protocols the connection is served apart from those of visitors
+    const socket = this.open(this.url, ['jaka-panel.v1', ...(this.token ? [`token.${this.token}`] : [])]);
     this.socket = socket;
     socket.onopen = () => {
       this.heardAt = performance.now();
