@@ -14,6 +14,7 @@ from ..authority.jog_hold import (
     MISSED_S,
     PERIOD_S,
     SEEN_S,
+    TRIP_S,
     Heartbeat,
     JogHold,
     Velocity,
@@ -174,7 +175,7 @@ class Hub:
         return {"t": "welcome", "v": 1, "page": page.id, "may": "command" if page.may_command else "watch",
                 "why": page.why, "read_only": self.settings.read_only, "now": round(now, 4),
                 "wall": round(time.time(), 3), "version": page.version, "rate": int(RATE),
-                "jog": {"period": PERIOD_S, "valid": SEEN_S, "missed": MISSED_S,
+                "jog": {"period": PERIOD_S, "valid": SEEN_S, "missed": MISSED_S, "trip": TRIP_S,
                         "fraction": self.jog.fraction, "max_fraction": self.settings.jog_fraction},
                 "control": self._control_for(page), "logs": self.logs.folder is not None, "arms": self._arms(now)}
 
@@ -275,6 +276,9 @@ class Hub:
         """Handle a heartbeat of the page that has control."""
         now = time.monotonic()
         desk = self.arms[beat.arm]
+        if not desk.jog.is_heard(beat.space):
+            self.jog.refuse(page.id, beat, "the driver does not listen to this panel")
+            return
         self.jog.heartbeat(page.id, beat, lateness, desk.place(now), desk.limits, now)
         if self.jog.arm is not None and self._jog_timer is None:
             self._jog_timer = asyncio.get_event_loop().call_later(_JOG_LOOK_S, self._look_at_jog)
