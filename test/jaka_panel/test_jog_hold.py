@@ -28,10 +28,13 @@ class Hand:
         self.sequence = 0
 
     def beat(self, page="p1", hold=1, passed=0.05, old=0.03, lateness=0.0, place=HERE, **changes):
+        """Send a heartbeat; an arm that is not placed elsewhere has moved a little with each velocity said before."""
         self.now += passed
         self.sequence += 1
         message = dict({"arm": "/a", "hold": hold, "seq": self.sequence, "clock": 1.0, "echo": self.now - old,
                         "space": "joint", "v": [1.0, 0, 0, 0, 0, 0], "step": None}, **changes)
+        if place is HERE:
+            place = Place((0.001 * sum(map(any, self.velocities())),) + HERE.joints[1:], HERE.tool)
         self.jog.heartbeat(page, heartbeat_from(message), lateness, place, LIMITS, self.now)
 
     def why(self):
@@ -51,6 +54,24 @@ def test_rest_is_said_first_and_then_one_message_for_each_heartbeat(hand):
         hand.beat()
     assert hand.velocities() == [ZERO] + 3 * [(0.05, 0.0, 0.0, 0.0, 0.0, 0.0)]
     assert [message["state"] for _, message in hand.told] == ["holding", "moving"]
+
+
+def test_moving_is_what_the_arm_does_and_not_what_was_sent(hand):
+    for _ in range(9):
+        hand.beat(place=Place(HERE.joints, HERE.tool))
+    assert hand.velocities()[-1] != ZERO and [message["state"] for _, message in hand.told] == ["holding"]
+    hand.beat()
+    assert hand.told[-1][1]["state"] == "moving"
+
+
+def test_a_press_over_a_link_that_is_too_slow_is_refused_with_the_reason_and_dead(hand):
+    for _ in range(3):
+        hand.beat(old=0.41)
+    assert not hand.said and len(hand.told) == 1 and "too slow" in hand.why() and "0.41 s" in hand.why()
+    hand.beat()
+    assert not hand.said, "the press is dead"
+    hand.beat(hold=2)
+    assert hand.told[-1][1]["state"] == "holding"
 
 
 def test_release_says_rest_at_once_and_the_press_is_dead(hand):
@@ -100,10 +121,10 @@ def test_an_arm_that_is_not_seen_is_not_jogged(hand):
 
 @pytest.mark.parametrize("change", [{"space": "tool"}, {"arm": "/b"}, {"hold": 2}, {"page": "p2"}])
 def test_another_space_arm_press_or_page_ends_it(hand, change):
-    hand.beat()
-    hand.beat()
+    for _ in range(3):
+        hand.beat()
     hand.beat(**change)
-    assert (hand.said[2].values, hand.said[2].arm, hand.said[2].space) == (ZERO, "/a", "joint")
+    assert (hand.said[3].values, hand.said[3].arm, hand.said[3].space) == (ZERO, "/a", "joint")
     assert hand.told[2][1]["state"] == "ended"
 
 
@@ -115,7 +136,7 @@ def test_after_a_jog_by_joints_the_tool_rests_until_the_driver_listens_to_its_to
     for _ in range(14):
         hand.beat(hold=2, space="base")
     assert set(hand.velocities()[count:]) == {ZERO}
-    for _ in range(2):
+    for _ in range(3):
         hand.beat(hold=2, space="base")
     assert hand.velocities()[-1] != ZERO and hand.told[-1][1]["state"] == "moving"
 

@@ -4,7 +4,7 @@ import stat
 
 import pytest
 
-from jaka_panel.settings import WrongSettings, is_loopback, settings_from, token_from_file
+from jaka_panel.settings import Settings, WrongSettings, is_loopback, settings_from, token_from_file
 
 
 def test_it_listens_on_loopback_with_a_new_token_each_time():
@@ -12,6 +12,14 @@ def test_it_listens_on_loopback_with_a_new_token_each_time():
     assert one.is_loopback and one.port == 8080 and not one.read_only and one.jog_fraction == 1.0
     assert one.token != other.token and len(one.token) >= 32
     assert one.address(8081, one.token) == "http://127.0.0.1:8081/#token=" + one.token
+
+
+def test_others_are_told_an_address_that_leads_here_from_elsewhere():
+    for host, here in (("0.0.0.0", "http://127.0.0.1:80/"), ("::", "http://[::1]:80/")):
+        one = Settings(host=host)
+        there = one.address_elsewhere(80)
+        assert one.address(80) == here and there != here and "0.0.0.0" not in there and "[::]" not in there
+    assert Settings(host="192.168.1.5").address_elsewhere(80) == "http://192.168.1.5:80/"
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "robot.example"])

@@ -52,23 +52,25 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 async def _serve(settings: Settings) -> None:
     from .graph.arms import ArmFinder
+    from .pages.door import Door
     from .pages.hub import Hub
-    from .pages.server import Server
+    from .pages.log_limit import limit_lines
+    limit_lines()
     loop = asyncio.get_event_loop()
     ending = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ending.set)
     rospy.on_shutdown(lambda: loop.call_soon_threadsafe(ending.set))
     hub = Hub(settings, ArmFinder(rospy.get_name()))
-    server = Server(settings, hub)
-    await server.start()
+    door = Door(settings, hub)
     hub.start()
-    _say(settings, server.port)
     try:
+        await door.start()
+        _say(settings, door.port)
         await ending.wait()
     finally:
         await hub.close()
-        await server.close()
+        await door.close()
 
 
 def _say(settings: Settings, port: int) -> None:
@@ -77,7 +79,7 @@ def _say(settings: Settings, port: int) -> None:
     if settings.read_only:
         print("jaka_panel: read-only: pages can watch, and stop, and nothing else")
     if not settings.is_loopback:
-        print("jaka_panel: WARNING: other computers reach this page at %s" % settings.address(port))
+        print("jaka_panel: WARNING: other computers reach this page at %s" % settings.address_elsewhere(port))
         if settings.tls is None:
             print("jaka_panel: WARNING: without TLS; everybody on the way can read the token, and move the arm with it")
 

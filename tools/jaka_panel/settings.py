@@ -3,6 +3,7 @@ import argparse
 import ipaddress
 import os
 import secrets
+import socket
 import stat
 from dataclasses import dataclass
 from typing import List, Optional, Tuple
@@ -10,6 +11,8 @@ from typing import List, Optional, Tuple
 PORT = 8080
 PORTS_TRIED = 20
 LOOPBACK = "127.0.0.1"
+_LOOPBACKS = {"0.0.0.0": LOOPBACK, "::": "::1"}
+"""The loopback address by the wildcard that listens on all addresses."""
 _TOKEN_BYTES = 24
 _SHORTEST_TOKEN = 16
 
@@ -41,7 +44,7 @@ class Settings:
         read_only: True if nothing but a stop is passed on.
         logs: Folder whose logs can be replayed.
         jog_fraction: Largest share of the driver's jog limits that a page can ask for.
-        pages: Largest number of pages at once.
+        pages: Largest number of pages with the token at once.
         simulator_port: The simulated controller's operator port, for the only arm; 0: as the launch file says.
     """
 
@@ -67,9 +70,27 @@ class Settings:
         return "http" if self.tls is None else "https"
 
     def address(self, port: int, token: Optional[str] = None) -> str:
-        """Return the URL of the page, with the token where one is given."""
-        host = "[%s]" % self.host if ":" in self.host else LOOPBACK if self.host == "0.0.0.0" else self.host
+        """Return the URL of the page on this computer, with the token where one is given."""
+        return self._url(_LOOPBACKS.get(self.host, self.host), port, token)
+
+    def address_elsewhere(self, port: int) -> str:
+        """Return the URL of the page on other computers."""
+        return self._url(_own_address(self.host) if self.host in _LOOPBACKS else self.host, port, None)
+
+    def _url(self, host: str, port: int, token: Optional[str]) -> str:
+        host = "[%s]" % host if ":" in host else host
         return "%s://%s:%d/%s" % (self.scheme, host, port, "" if token is None else "#token=" + token)
+
+
+def _own_address(wildcard: str) -> str:
+    """Return the address, of the wildcard's family, by which others reach this computer; its name for want of one."""
+    family, far = (socket.AF_INET6, "2001:db8::1") if ":" in wildcard else (socket.AF_INET, "192.0.2.1")
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((far, 9))  # an address for documentation: nothing is sent, the way there is looked up
+            return str(probe.getsockname()[0])
+    except OSError:
+        return socket.gethostname()
 
 
 def is_loopback(host: str) -> bool:
@@ -150,7 +171,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--max-jog-speed", type=_percent, default=100.0, metavar="PERCENT",
                         help="of the driver's jog limits, the most that a page can set (default 100; each page begins "
                              "with 10)")
-    parser.add_argument("--pages", type=_count, default=8, metavar="N", help="pages at once (default 8)")
+    parser.add_argument("--pages", type=_count, default=8, metavar="N",
+                        help="pages with the token at once (default 8); half as many without")
     parser.add_argument("--simulator-panel", type=_port, default=0, metavar="PORT",
                         help="number of the simulated controller's operator port (default: as the launch file set it)")
     return parser

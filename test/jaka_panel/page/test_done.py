@@ -46,7 +46,7 @@ def test_the_space_bar_stops_wherever_the_focus_is(panel, open_page):
         before, stops = len(panel.received), len(panel.stops)
         page.key(" ")
         until(lambda stops=stops: len(panel.stops) > stops, "stop arrives from " + focus)
-        page.until_text("#stop-said", "stopped")
+        page.until_text("#stop-said", "confirmed at rest")
         assert [one["t"] for one in panel.received[before:]] == ["stop"], focus
 
 
@@ -67,7 +67,7 @@ def test_stop_needs_no_control_and_goes_by_http_where_the_socket_does_not_answer
     panel.silent = True
     page.click("#stop")
     until(lambda: "http" in panel.stops, "stop arrives another way")
-    page.until_text("#stop-said", "stopped")
+    page.until_text("#stop-said", "NOT CONFIRMED: use the emergency stop button")
 
 
 def begin(page, panel, count, press):

@@ -1,11 +1,18 @@
 """The access to the panel: Host, Origin, token, limits, files; each attack is tried and its answer checked."""
 import contextlib
 import json
+import os
+import socket
+import subprocess
+from pathlib import Path
 
+import aiohttp
 import pytest
 from panel_page import Page, PanelProcess, get, refused
-from waiting import eventually
+from waiting import WAIT, eventually
 
+LOGGED = 100000
+"""Bytes in the log, at most, for 300 requests that are none; a traceback for each were a million."""
 SCRIPT = "<script>alert(1)</script>"
 
 
@@ -24,7 +31,9 @@ def test_a_socket_from_another_site_is_refused(loop, panel, origin):
 
 @pytest.mark.parametrize("host", [
     "evil.example", "evil.example:{port}", "127.0.0.1.evil.example:{port}", "192.168.1.5:{port}",
-    "user@127.0.0.1:{port}", "127.0.0.1:{port}/x", ""])
+    "user@127.0.0.1:{port}", "127.0.0.1:{port}/x", "127.0.0.1#evil.example", "127.0.0.1?evil.example",
+    "127.0.0.1:{port}#x", "127.0.0.1\\evil.example", "127.0.0.1;x", "127.0.0.1 evil.example", "127.0.0.1:0",
+    "127.0.0.1:99999", "127.0.0.1:", "[::1", "::1", "127.0.0.1, evil.example", ""])
 def test_a_name_that_is_not_ours_is_refused_whatever_address_it_leads_to(loop, panel, host):
     name = host.format(port=panel.port)
     assert get(loop, panel, "/api/info", Host=name)[0] in (400, 403)
@@ -60,6 +69,92 @@ def test_every_answer_has_the_headers_that_keep_strangers_out(loop, panel):
         assert "default-src 'none'" in policy and "unsafe" not in policy and "frame-ancestors 'none'" in policy
         assert headers["x-content-type-options"] == "nosniff" and headers["x-frame-options"] == "DENY"
         assert "access-control-allow-origin" not in headers and "set-cookie" not in headers
+
+
+PATH = b"GET %s HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+
+
+@pytest.mark.parametrize("request_bytes, statuses", [
+    (b"GET\n\r\n\r\n", {400}), (b"\x16\x03\x01\x00\r\n\r\n", {400}), (b"GET / HTTP/9.9\r\n\r\n", {400, 403}),
+    (PATH % (b"/web/" + b"a" * 6000), {400, 404, 414}), (PATH % (b"/web/" + b"a" * 300 + b".js"), {404}),
+    (PATH % (b"/web/" + b"a/" * 1500 + b"b.js"), {404}), (PATH % (b"/mesh?arm=/x&uri=" + b"a" * 3000), {404}),
+    (PATH % b"http://[x", {400, None}), (PATH % b"*", {400, 404}),
+    (b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: x\r\n\r\n", {400}),
+    (b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + b"X: " + b"y" * 9000 + b"\r\n\r\n", {400, 431}),
+    (b"GET /ws HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1\r\n\r\n", {400}),
+    (b"\xff\xfe / HTTP/1.1\r\nHost: \xff\r\n\r\n", {400, 403})], ids=lambda value: str(value)[:40])
+def test_a_malformed_request_gets_a_short_answer_that_says_nothing_of_the_server(panel, request_bytes, statuses):
+    head = raw_answer(panel, request_bytes)
+    assert (int(head.split()[1]) if head else None) in statuses, head
+    assert not head or "Content-Security-Policy" in head and "nosniff" in head and "X-Frame-Options: DENY" in head
+    assert "aiohttp" not in head and "Python" not in head
+    assert "Traceback" not in "".join(panel.said)
+
+
+def raw_answer(panel, data):
+    """Return the head of what the panel answers to these bytes."""
+    with socket.create_connection(("127.0.0.1", panel.port), WAIT) as link:
+        link.settimeout(WAIT)
+        link.sendall(data)
+        answer = b""
+        while b"\r\n\r\n" not in answer:
+            more = b""
+            with contextlib.suppress(ConnectionError):
+                more = link.recv(1 << 16)
+            if not more:
+                break
+            answer += more
+        return answer.partition(b"\r\n\r\n")[0].decode("latin-1")
+
+
+def test_requests_that_are_none_fill_no_log(panel):
+    def logged():
+        folder = Path(os.environ["ROS_LOG_DIR"])
+        return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) + len("".join(panel.said))
+    before = logged()
+    for _ in range(300):
+        raw_answer(panel, b"GET\n\r\n\r\n")
+    assert logged() - before < LOGGED, "bytes"
+
+
+def test_connections_that_ask_nothing_are_few_and_keep_nobody_out(loop, panel):
+    def descriptors():
+        return len(os.listdir("/proc/%d/fd" % panel.process.pid))
+    before = descriptors()
+    with contextlib.ExitStack() as links:
+        for _ in range(300):
+            link = links.enter_context(socket.create_connection(("127.0.0.1", panel.port), WAIT))
+            with contextlib.suppress(ConnectionError):
+                link.sendall(b"GET / HTTP/1.1\r\nHost: 127")
+        assert eventually(lambda: descriptors() < before + 150)
+        assert get(loop, panel, "/api/stop", "POST", Origin="http://127.0.0.1:%d" % panel.port,
+                   Authorization="Bearer " + panel.token, **{"Content-Length": "0"})[0] == 200
+        with Page(loop, panel) as page:
+            assert page.welcome["may"] == "command"
+
+
+def test_visitors_have_a_place_of_their_own_and_none_of_the_others(loop, panel):
+    with contextlib.ExitStack() as pages:
+        first = pages.enter_context(Page(loop, panel, token=None))
+        second = pages.enter_context(Page(loop, panel, token=None, hello=False))
+        assert eventually(lambda: second.closed is not None) and second.closed == 1013
+        for _ in range(3):
+            assert pages.enter_context(Page(loop, panel)).welcome["may"] == "command"
+        assert first.closed is None
+
+
+@pytest.mark.parametrize("data", [
+    b"\x89\x80" + bytes(4), b"\x8a\x80" + bytes(4), b"\x01\x80" + bytes(4) + b"\x00\x80" + bytes(4),
+    b"\x01\xfe\x40\x00" + bytes(4 + 0x4000) + 7 * (b"\x00\xfe\x40\x00" + bytes(4 + 0x4000))],
+    ids=["ping", "pong", "fragments", "a message without end"])
+@pytest.mark.parametrize("token", [None, True], ids=["visitor", "token"])
+def test_frames_of_any_kind_beyond_the_share_end_the_connection(loop, panel, token, data):
+    with Page(loop, panel, token=token) as page, Page(loop, panel) as other:
+        page.write(data * (1 if len(data) > 1000 else 2000))
+        assert eventually(lambda: page.closed is not None)
+        before = other.counts.get("pong", 0)
+        other.send(t="ping", clock=1.0)
+        assert eventually(lambda: other.counts.get("pong", 0) > before) and other.closed is None
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "POST", "PATCH", "TRACE", "OPTIONS"])
@@ -118,6 +213,39 @@ def test_nonsense_changes_nothing(loop, panel, message):
         page.send(t="ping", clock=1.0)
         before = page.counts.get("pong", 0)
         assert eventually(lambda: page.counts.get("pong", 0) > before) and page.closed is None
+
+
+HUGE = "9" * 400
+JOG = {"t": "jog", "arm": "/x", "hold": 1, "seq": 1, "clock": 1.0, "echo": 1.0, "space": "joint",
+       "v": [1.0] + [0.0] * 5, "step": None}
+
+
+@pytest.mark.parametrize("message, fields", [
+    ({"t": "ping", "clock": 0, "echo": 0, "seen": 0}, ("clock", "echo", "seen")),
+    ({"t": "watch", "arms": [], "rate": 0}, ("arms", "rate")),
+    ({"t": "history", "id": 0, "arm": "/x", "from": 0, "to": 0, "buckets": 0, "what": "q"},
+     ("id", "from", "to", "buckets", "what")),
+    (JOG, tuple(JOG)), (dict(JOG, v=[0]), ("v",)), ({"t": "jog_stop", "hold": 0}, ("hold",)),
+    ({"t": "stop", "id": 0, "arm": None}, ("id", "arm")), ({"t": "take_control", "id": 0}, ("id",)),
+    ({"t": "cmd", "id": 0, "arm": None, "cmd": "jog_speed", "args": {"fraction": 0}}, ("id", "arm", "cmd", "args")),
+    ({"t": "hello", "v": 0}, ("t", "v"))], ids=lambda value: str(value)[:40])
+def test_numbers_of_any_size_in_any_field_change_nothing(loop, panel, message, fields):
+    texts = []
+    for field in fields:
+        value = message[field]
+        place = [HUGE] if isinstance(value, list) else {"fraction": HUGE} if isinstance(value, dict) else HUGE
+        for sign in ("", "-"):
+            texts.append(json.dumps(dict(message, **{field: place})).replace('"%s"' % HUGE, sign + HUGE))
+        texts.append(json.dumps(dict(message, **{field: place})).replace('"%s"' % HUGE, "[" * 500 + "]" * 500))
+    with Page(loop, panel) as page:
+        assert page.take_control()
+        for text in texts:
+            page.send(text)
+        before = page.counts.get("pong", 0)
+        page.send(t="ping", clock=1.0)
+        assert eventually(lambda: page.counts.get("pong", 0) > before) and page.closed is None
+        page.send(t="release_control")
+    assert "Traceback" not in "".join(panel.said)
 
 
 def test_costly_requests_are_answered_so_often_only(loop, panel):
@@ -180,6 +308,32 @@ def test_a_page_that_asked_and_goes_takes_nothing_from_the_one_that_has_control(
         since = len(one.messages)
         assert one.wait("control", lambda m: m["asked"] is None, since=since - 1)["you"]
         assert one.counts["jog_speed"] == told, "the jog's speed is as it was: no hold was ended"
+
+
+def test_with_tls_everything_is_served_too(loop, ros_node, tmp_path):
+    cert, key = str(tmp_path / "cert.pem"), str(tmp_path / "key.pem")
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost",
+                    "-keyout", key, "-out", cert, "-days", "1"], check=True, stderr=subprocess.DEVNULL)
+    with PanelProcess("--tls-cert", cert, "--tls-key", key, "--pages", "3", name="secret") as panel:
+        assert panel.address.startswith("https://")
+
+        async def talk():
+            async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=False)) as session:
+                async with session.get(panel.address + "api/info") as answer:
+                    info = await answer.json()
+                headers = {"Origin": panel.address.rstrip("/"), "Authorization": "Bearer " + panel.token}
+                async with session.post(panel.address + "api/stop", headers=headers) as answer:
+                    stopped = await answer.json()
+                welcomes = []
+                for token in (panel.token, None):
+                    async with session.ws_connect(panel.address + "ws", headers=headers, protocols=(
+                            "jaka-panel.v1", "token.%s" % token)) as page:
+                        await page.send_json({"t": "hello", "v": 1, "token": token, "name": "x"})
+                        welcomes.append(await page.receive_json())
+                return info, stopped, welcomes
+        info, stopped, welcomes = loop.run(talk())
+        assert info["arms"] == [] and stopped["ok"]
+        assert [welcome["may"] for welcome in welcomes] == ["command", "watch"]
 
 
 def test_read_only_passes_on_a_stop_and_nothing_else(loop, ros_node):

@@ -121,6 +121,8 @@ class FakePanel:
 
     async def _stop(self, request: web.Request) -> web.Response:
         self.stops.append("http")
+        while self.silent:
+            await asyncio.sleep(0.01)
         return web.json_response({"ok": request.headers.get("Authorization") == "Bearer " + TOKEN, "message": ""})
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
@@ -156,8 +158,8 @@ class FakePanel:
         if kind == "hello":
             await self._send(socket, {"t": "welcome", "v": 1, "page": page, "may": self.may, "why": self.why,
                                       "read_only": False, "wall": time.time(), "version": "0", "rate": 30,
-                                      "jog": {"period": 0.05, "valid": 0.2, "missed": 0.15, "fraction": 0.1,
-                                              "max_fraction": 1.0},
+                                      "jog": {"period": 0.05, "valid": 0.2, "missed": 0.15, "trip": 0.15,
+                                              "fraction": 0.1, "max_fraction": 1.0},
                                       "control": self._control(page), "logs": True, "arms": self.arms})
         elif kind == "ping":
             await self._send(socket, {"t": "pong", "clock": said["clock"]})
@@ -259,6 +261,7 @@ class FakePanel:
         return [one for one in list(self.received) if kind in (one["t"], one.get("cmd"))]
 
     def close(self) -> None:
+        self.silent = False
         with contextlib.suppress(Exception):
             self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)

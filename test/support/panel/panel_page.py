@@ -127,15 +127,17 @@ class Page:
         self.is_silent = self.is_stalled = False
         self._waiting = []
         given = panel.token if token is True else token
-        self._loop.run(self._connect(dict({"Origin": origin or self.address}, **(headers or {}))))
+        offered = ("jaka-panel.v1", "token.%s" % panel.token) if token is True else ("jaka-panel.v1",)
+        self._loop.run(self._connect(dict({"Origin": origin or self.address}, **(headers or {})), offered))
         if hello:
             self.send(t="hello", v=1, token=given, name=name)
             self.welcome = self.wait("welcome")
 
-    async def _connect(self, headers):
+    async def _connect(self, headers, protocols):
         self._session = aiohttp.ClientSession()
         try:
-            self._socket = await self._session.ws_connect(self.address + "/ws", headers=headers, max_msg_size=0)
+            self._socket = await self._session.ws_connect(self.address + "/ws", headers=headers, max_msg_size=0,
+                                                             protocols=protocols)
         except BaseException:
             await self._session.close()
             raise
@@ -176,6 +178,12 @@ class Page:
 
     def send(self, text=None, **message):
         self._loop.run(self._send(message if text is None else text))
+
+    def write(self, data):
+        """Send bytes that need not be frames; fewer where the connection ends."""
+        async def write():
+            self._socket._response.connection.transport.write(data)
+        self._loop.run(write())
 
     def flood(self, count, **message):
         """Send so many messages as fast as they go; fewer where the connection ends."""

@@ -2,5 +2,6 @@
 
 control   one page has control; another one asks for it
 jog_hold  the dead-man between a page that holds a button and the driver's velocity jog
-rate_limiter  how many messages a page may send
+rate_limiter  how much a peer may send
+frames    WebSocket frames in a stream of bytes, counted before anything reads them
 """

@@ -16,6 +16,8 @@ MISSED_S = 0.15
 """Time without a valid heartbeat after which the hold ends, s."""
 SEEN_S = 0.25
 """Greatest age, s, of the newest state that a page has shown at a heartbeat; nobody moves the arm by an older one."""
+TRIP_S = 0.15
+"""Longest round trip, s, of a link to jog over: heartbeats still count, and the arm rests 0.3 s after the last one."""
 LATE_S = 0.1
 """Excess delay, s, over its page's quickest heartbeats from which on a heartbeat counts as held up on its way."""
 OTHER_TOPIC_S = 0.75
@@ -28,6 +30,7 @@ FRACTION = 0.1
 """Share of the driver's own jog limits with which everybody begins."""
 SPACES = ("joint", "base", "tool")
 _WINDOW_S = 10.0
+_MOVED_RAD = 1e-4
 _STEP_GAIN = 3.0
 """1/s; a step is slower the nearer it is to its end."""
 _SLOWEST_SHARE = 0.02
@@ -198,9 +201,11 @@ class JogHold:
         if not -SEEN_S <= now - beat.echo <= SEEN_S or lateness > LATE_S:
             if hold is not None:
                 hold.late += 1
+            elif now - beat.echo > SEEN_S:
+                self.refuse(page, beat, "the link is too slow: what the page shows is %.2f s old" % (now - beat.echo))
             return
         if place is None:
-            self._refuse(page, beat, "the arm's state is not fresh")
+            self.refuse(page, beat, "the arm's state is not fresh")
             return
         if hold is None:
             hold = self._hold = _Hold(page, beat, now)
@@ -223,7 +228,7 @@ class JogHold:
             self.end("step done")
             return
         self._say(Velocity(hold.arm, hold.space, values))
-        if not hold.moves:
+        if not hold.moves and hold.begin is not None and _has_moved(hold.begin, place):
             hold.moves = True
             self._tell_state("moving")
 
@@ -261,11 +266,14 @@ class JogHold:
         arm, was_joint, at = self._before
         return arm == hold.arm and was_joint != (hold.space == "joint") and now - at < OTHER_TOPIC_S
 
-    def _refuse(self, page: str, beat: Heartbeat, why: str) -> None:
+    def refuse(self, page: str, beat: Heartbeat, why: str) -> None:
+        """Refuse the press of a heartbeat; end the hold, where there is one."""
         if self._hold is not None:
             self.end(why)
             return
-        self._dead[page] = max(beat.hold, self._dead.get(page, -1))
+        if beat.hold <= self._dead.get(page, -1):
+            return
+        self._dead[page] = beat.hold
         self._tell(page, {"t": "jog", "arm": beat.arm, "hold": beat.hold, "state": "ended", "why": "refused: " + why,
                           "late": 0})
 
@@ -303,6 +311,10 @@ def _not_longer_than_1(beat: Heartbeat) -> Sequence[float]:
         length = math.sqrt(sum(value * value for value in part))
         parts.append([value / max(1.0, length) for value in part])
     return parts[0] + parts[1]
+
+
+def _has_moved(begin: Place, place: Place) -> bool:
+    return max(abs(a - b) for a, b in zip(begin.joints, place.joints)) > _MOVED_RAD
 
 
 def _way(hold: _Hold, beat: Heartbeat, place: Place) -> Optional[float]:

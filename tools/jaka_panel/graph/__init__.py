@@ -7,6 +7,8 @@ arm_feed       what one driver publishes: newest values, curves, events
 requests       what a page may ask for, as calls of the driver's services
 calls          calls in threads of their own, with a time limit
 stopper        the stop: its own thread and connection
+stop_link      that connection, on which every wait has a limit
+registration   this node at a ROS master that was started anew
 jog_publishers  the publishers of the driver's velocity jog topics
 description    URDF, limits of the joints, meshes
 trajectories   trajectories to the driver's action

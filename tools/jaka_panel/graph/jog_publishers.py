@@ -15,6 +15,11 @@ class JogPublishers:
         self._joints = rospy.Publisher(node + "/jog_joints", JointState, queue_size=1, tcp_nodelay=True)
         self._twist = rospy.Publisher(node + "/jog_twist", TwistStamped, queue_size=1, tcp_nodelay=True)
 
+    def is_heard(self, space: str) -> bool:
+        """Return whether somebody subscribes to the commands of this space."""
+        publisher = self._joints if space == "joint" else self._twist
+        return bool(publisher.get_num_connections())
+
     def publish(self, space: str, values: Sequence[float]) -> None:
         """Publish velocities, without waiting: of the joints, rad/s, or of the tool, m/s and rad/s; (6,)."""
         if space == "joint":

@@ -3,15 +3,23 @@ import asyncio
 import logging
 import queue
 import threading
-from typing import Any, Callable, List
+import time
+from typing import Any, Callable, List, Optional
+from urllib.parse import urlsplit
 
+import rosgraph
 import rospy
-from std_srvs.srv import Empty
+
+from jaka_bag.errors import ConnectionLost
+from jaka_bag.live.tcpros import resolve
+
+from .stop_link import Address, StopLink
 
 _LOG = logging.getLogger(__name__)
 _SECOND_WAY_S = 0.3
 """Time without an answer, s, after which a stop is sent on a second connection; to stop twice does no harm."""
-_GIVE_UP_S = 5.0
+_GIVE_UP_S = 0.9
+"""Time, s, after which a stop is not confirmed: before the page's own second is over."""
 _MOST_THREADS = 8
 
 Done = Callable[[str], None]
@@ -24,11 +32,20 @@ class Stopper:
     def __init__(self, node: str) -> None:
         """Prepare stops of the driver ``node``; the connection is made at the first stop, and kept."""
         self._service = node + "/stop_move"
+        self._address: Optional[Address] = None
         self._asked: queue.Queue[Any] = queue.Queue()
         self._besides = 0
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="stop", daemon=True)
         self._thread.start()
+
+    def find(self) -> None:
+        """Ask the master where the driver is, in a thread that may wait: a stop waits for no master."""
+        try:
+            parts = urlsplit(rosgraph.Master(rospy.get_name()).lookupService(self._service))
+            self._address = resolve(parts.hostname or "", parts.port or 0)
+        except (rosgraph.MasterException, ConnectionLost, OSError, ValueError) as error:
+            _LOG.debug("the stop of a driver is not found: %s", error)
 
     async def stop(self) -> str:
         """Have the driver stop; empty when it has, else why it is not known to have."""
@@ -45,14 +62,15 @@ class Stopper:
         def done(error: str) -> None:
             loop.call_soon_threadsafe(told, error)
 
-        self._asked.put(done)
+        until = time.monotonic() + _GIVE_UP_S
+        self._asked.put((done, until))
         try:
             return await asyncio.wait_for(asyncio.shield(first), _SECOND_WAY_S)
         except asyncio.TimeoutError:
             pass
-        self._on_its_own(done)
+        self._on_its_own(done, until)
         try:
-            return await asyncio.wait_for(first, _GIVE_UP_S)
+            return await asyncio.wait_for(first, _GIVE_UP_S - _SECOND_WAY_S)
         except asyncio.TimeoutError:
             return "; ".join(errors) or "no answer for %g s" % _GIVE_UP_S
 
@@ -61,27 +79,32 @@ class Stopper:
         self._asked.put(None)
 
     def _run(self) -> None:
-        proxy: Any = None
+        link = self._link()
         while True:
-            done = self._asked.get()
-            if done is None:
+            asked = self._asked.get()
+            if asked is None:
                 break
-            error = "not asked"
-            for _ in range(2):  # the driver may have closed a connection that was idle, or have been started anew
-                try:
-                    if proxy is None:
-                        proxy = rospy.ServiceProxy(self._service, Empty, persistent=True)
-                    proxy()
-                    error = ""
-                    break
-                except (rospy.ServiceException, rospy.ROSException, OSError) as raised:
-                    error = str(raised)
-                    _close(proxy)
-                    proxy = None
+            done, until = asked
+            error = self._call(link, until)
+            if error:  # the driver may have closed a connection that was idle, or have been started anew
+                error = self._call(link, until)
             _tell(done, error)
-        _close(proxy)
+        link.close()
 
-    def _on_its_own(self, done: Done) -> None:
+    def _link(self) -> StopLink:
+        return StopLink(rospy.get_name(), self._service)
+
+    def _call(self, link: StopLink, until: float) -> str:
+        """Have the driver stop; empty when it has, else why it is not known to have."""
+        if self._address is None:
+            return "it is not known where the driver is"
+        try:
+            link.call(self._address, until)
+            return ""
+        except OSError as error:
+            return str(error)
+
+    def _on_its_own(self, done: Done, until: float) -> None:
         with self._lock:
             if self._besides >= _MOST_THREADS:
                 done("%d stops hang" % self._besides)
@@ -89,25 +112,17 @@ class Stopper:
             self._besides += 1
 
         def work() -> None:
-            error = ""
-            try:
-                rospy.ServiceProxy(self._service, Empty)()
-            except (rospy.ServiceException, rospy.ROSException, OSError) as raised:
-                error = str(raised)
-            finally:
-                with self._lock:
-                    self._besides -= 1
+            link = self._link()
+            error = self._call(link, until)
+            if error and time.monotonic() < until:
+                self.find()
+                error = self._call(link, until)
+            link.close()
+            with self._lock:
+                self._besides -= 1
             _tell(done, error)
 
         threading.Thread(target=work, name="stop besides", daemon=True).start()
-
-
-def _close(proxy: Any) -> None:
-    if proxy is not None:
-        try:
-            proxy.close()
-        except OSError as error:
-            _LOG.debug("closing: %s", error)
 
 
 def _tell(done: Done, error: str) -> None:

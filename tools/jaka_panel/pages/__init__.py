@@ -1,5 +1,11 @@
-"""HTTP and WebSockets: what each page receives and may ask for. One event loop; what waits runs in threads.
+"""HTTP and WebSockets: what each page receives and may ask for. What waits runs in threads.
 
+Two event loops, each with its thread: the hub's, of arms, stop and jog and of connections with the token; and the
+door's, of everybody else.
+
+door            the listener, and which loop a connection belongs to
+peer            what a connection may send, below requests and messages
+log_limit       how many log lines peers can cause
 access          who may ask: Host, Origin, headers, the token
 files           the page's own files, and those of the arms' meshes
 simulator_link  the simulated controller's operator port
@@ -8,5 +14,5 @@ hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop
 session         one page: its messages out, what it watches and moves
 websocket_session  the WebSocket session of a page, from hello to the end
-server          addresses, and the end
+server          addresses, for the connections of one loop
 """

@@ -5,8 +5,8 @@ Such a page can have the browser call this address (its Origin tells), or call i
 """
 import hmac
 import ipaddress
+import re
 from typing import Mapping, Optional, Sequence
-from urllib.parse import urlsplit
 
 from aiohttp import web
 
@@ -21,6 +21,10 @@ HEADERS = {
     "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer", "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin", "Server": "jaka_panel",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()"}
+TOKEN_MARK = "token."
+"""The mark before the token where a page offers it as a subprotocol of its WebSocket."""
+_HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(?::([0-9]{1,5}))?", re.IGNORECASE)
+"""``Host`` as browsers send it: a name or an address, and a port (RFC 9110, section 7.2)."""
 _SAME = ("same-origin", "none")
 
 
@@ -42,7 +46,7 @@ class Access:
             is_page: True if it asks for the page itself, to which a link of another site may lead.
         """
         host = headers.get("Host", "")
-        name = _name_of("//" + host)
+        name = _name_of(host)
         if name is None or not self._is_allowed(name):
             return "Host %.100r is not a name of this panel" % host
         origin = headers.get("Origin")
@@ -70,14 +74,29 @@ class Access:
         """Return whether ``given`` is the token, in a time that reveals nothing of it."""
         return isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
 
+    def has_bearer(self, headers: Mapping[str, str]) -> bool:
+        """Return whether a request has the token in ``Authorization``."""
+        kind, _, token = headers.get("Authorization", "").partition(" ")
+        return kind.lower() == "bearer" and self.is_token(token.strip())
 
-def _name_of(url: str) -> Optional[str]:
-    try:
-        parts = urlsplit(url)
-        is_plain = parts.username is None and not parts.path and (parts.port is None or parts.port > 0)
-        return parts.hostname if is_plain else None
-    except ValueError:
+    def offers_token(self, headers: Mapping[str, str]) -> bool:
+        """Return whether a request for a WebSocket has the token, as ``token.TOKEN``, among its subprotocols."""
+        offered = (one.strip() for one in headers.get("Sec-WebSocket-Protocol", "").split(","))
+        return any(self.is_token(one[len(TOKEN_MARK):]) for one in offered if one.startswith(TOKEN_MARK))
+
+    def has_token(self, head: bytes) -> bool:
+        """Return whether the first request of a connection, as its bytes stand, has the token."""
+        lines = (line.partition(":") for line in head.decode("latin-1").split("\r\n")[1:])
+        headers = {name.strip().title().replace("Websocket", "WebSocket"): value.strip() for name, _, value in lines}
+        return self.has_bearer(headers) or self.offers_token(headers)
+
+
+def _name_of(host: str) -> Optional[str]:
+    """Return the name or address in ``Host``, lower-case; None where it is anything else."""
+    found = _HOST.fullmatch(host)
+    if found is None or found.group(2) is not None and not 0 < int(found.group(2)) < 65536:
         return None
+    return found.group(1).strip("[]").lower()
 
 
 def sent_twice(request: web.Request, names: Sequence[str]) -> bool:

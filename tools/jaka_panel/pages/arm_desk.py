@@ -55,6 +55,7 @@ class ArmDesk:
         self.driver = driver
         if is_watched:
             self.watched_at = now
+        self.stopper.find()
         self.feed.follow(driver, is_watched or now - self.watched_at < _LINGER_S)
         text = driver.description
         if not text and not self._was_generated:

@@ -30,6 +30,9 @@ def page_file(name: str, root: Path = WEB) -> Optional[PageFile]:
     path = Path(os.path.realpath(str(root.joinpath(*parts))))
     inside = Path(os.path.realpath(str(root)))
     kind = TYPES.get(path.suffix)
-    if kind is None or inside not in path.parents or not path.is_file():
+    try:
+        if kind is None or inside not in path.parents or not path.is_file():
+            return None
+    except OSError:  # a name that is too long for the file system
         return None
     return PageFile(path, kind)

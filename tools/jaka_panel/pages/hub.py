@@ -1,10 +1,12 @@
 """Arms and pages: states to the pages, control, jog and stop."""
 import asyncio
+import itertools
 import json
 import logging
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Dict, List, Optional, Set
+from typing import Any, Callable, Coroutine, Dict, List, Optional, Set
 
 from ..authority.control import Control
 from ..authority.jog_hold import (
@@ -12,10 +14,12 @@ from ..authority.jog_hold import (
     MISSED_S,
     PERIOD_S,
     SEEN_S,
+    TRIP_S,
     Heartbeat,
     JogHold,
     Velocity,
 )
+from ..authority.rate_limiter import RateLimiter
 from ..graph.arm_feed import STALE_S
 from ..graph.arms import ArmFinder, Driver
 from ..graph.calls import Calls
@@ -23,10 +27,12 @@ from ..plans.plan_store import LogDirectory, PlanStore
 from ..settings import Settings
 from . import simulator_link
 from .arm_desk import ArmDesk
-from .session import Session
+from .session import COSTLY_BURST, COSTLY_RATE, Session, T, run_in
 
 _LOG = logging.getLogger(__name__)
 RATE = 30.0
+_VISITS_RATE, _VISITS_BURST = 5.0, 16.0
+"""Visitors that may come in, a second and at once."""
 LOOK_S = 2.0
 SILENT_S = 3.0
 _JOG_LOOK_S = 0.02
@@ -48,8 +54,33 @@ def behind_a_sample(due: float, heard_at: float) -> float:
     return due + (heard_at + _BEHIND_S - due) % _SAMPLE_S
 
 
+class Places:
+    """The places for pages, in any thread: those with the token have theirs, and visitors half as many of their own."""
+
+    def __init__(self, pages: int) -> None:
+        self._most = {True: pages, False: max(1, pages // 2)}
+        self._taken = {True: 0, False: 0}
+        self._visits = RateLimiter(_VISITS_RATE, _VISITS_BURST, time.monotonic())
+        self._lock = threading.Lock()
+
+    def enter(self, has_token: bool) -> bool:
+        """Take a place; return False where there is none, or too many visitors come in."""
+        with self._lock:
+            if self._taken[has_token] >= self._most[has_token]:
+                return False
+            if not has_token and not self._visits.spend(time.monotonic()):
+                return False
+            self._taken[has_token] += 1
+            return True
+
+    def leave(self, has_token: bool) -> None:
+        """Give a place back."""
+        with self._lock:
+            self._taken[has_token] -= 1
+
+
 class Hub:
-    """The state that all pages share. Everything but ``_look`` runs in the event loop.
+    """The state that all pages share. Everything but ``_look`` runs in one event loop, the thread of stop and jog.
 
     Attributes:
         settings: Settings of the user.
@@ -60,7 +91,9 @@ class Hub:
         calls: Calls of services.
         plans: Plans that pages may run.
         logs: Folder of logs.
-        connections: Connections of pages, also of those that have not said hello yet.
+        places: The places for pages.
+        visitors_costly: Rate limiter of visitors' messages whose answers are costly.
+        arms_told: The newest message ``arms``, JSON.
     """
 
     def __init__(self, settings: Settings, finder: ArmFinder) -> None:
@@ -75,9 +108,11 @@ class Hub:
         self._finder = finder
         self._graph = ThreadPoolExecutor(1, "graph")
         self._looks: Optional[asyncio.Event] = None
-        self._told_arms = ""
-        self.connections = 0
-        self._count = 0
+        self.arms_told = json.dumps({"t": "arms", "arms": []})
+        self.places = Places(settings.pages)
+        self.visitors_costly = RateLimiter(COSTLY_RATE, COSTLY_BURST, time.monotonic())
+        self._loop: Optional[asyncio.AbstractEventLoop] = None
+        self._pages = itertools.count(1)
         self._tasks: Set[asyncio.Task[Any]] = set()
         self._jog_timer: Optional[asyncio.TimerHandle] = None
 
@@ -85,9 +120,23 @@ class Hub:
 
     def start(self) -> None:
         """Begin, in the loop."""
+        self._loop = asyncio.get_event_loop()
         self._looks = asyncio.Event()
         for work in (self._tick_for_ever(), self._look_for_ever(), self._ask_simulators_for_ever()):
             self.spawn(work)
+
+    async def ask(self, work: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine in the hub's loop, called in any."""
+        assert self._loop is not None
+        return await run_in(self._loop, work)
+
+    def call(self, function: Callable[..., Any], *args: Any) -> None:
+        """Call a function in the hub's loop, from any: at once where the caller is in it."""
+        assert self._loop is not None
+        if self._loop is asyncio.get_event_loop():
+            function(*args)
+        else:
+            self._loop.call_soon_threadsafe(function, *args)
 
     def spawn(self, work: Any) -> "asyncio.Task[Any]":
         """Run a coroutine; what it raises is logged."""
@@ -117,8 +166,7 @@ class Hub:
 
     def next_page(self) -> str:
         """Return an id that no page had before."""
-        self._count += 1
-        return "p%d" % self._count
+        return "p%d" % next(self._pages)
 
     def welcome(self, page: Session) -> Dict[str, Any]:
         """Register a page that has said hello; return its welcome."""
@@ -127,8 +175,8 @@ class Hub:
         return {"t": "welcome", "v": 1, "page": page.id, "may": "command" if page.may_command else "watch",
                 "why": page.why, "read_only": self.settings.read_only, "now": round(now, 4),
                 "wall": round(time.time(), 3), "version": page.version, "rate": int(RATE),
-                "jog": {"period": PERIOD_S, "valid": SEEN_S, "missed": MISSED_S, "fraction": self.jog.fraction,
-                        "max_fraction": self.settings.jog_fraction},
+                "jog": {"period": PERIOD_S, "valid": SEEN_S, "missed": MISSED_S, "trip": TRIP_S,
+                        "fraction": self.jog.fraction, "max_fraction": self.settings.jog_fraction},
                 "control": self._control_for(page), "logs": self.logs.folder is not None, "arms": self._arms(now)}
 
     def leave(self, page: Session) -> None:
@@ -228,6 +276,9 @@ class Hub:
         """Handle a heartbeat of the page that has control."""
         now = time.monotonic()
         desk = self.arms[beat.arm]
+        if not desk.jog.is_heard(beat.space):
+            self.jog.refuse(page.id, beat, "the driver does not listen to this panel")
+            return
         self.jog.heartbeat(page.id, beat, lateness, desk.place(now), desk.limits, now)
         if self.jog.arm is not None and self._jog_timer is None:
             self._jog_timer = asyncio.get_event_loop().call_later(_JOG_LOOK_S, self._look_at_jog)
@@ -343,15 +394,11 @@ class Hub:
     def _arms(self, now: float) -> List[Dict[str, Any]]:
         return [desk.shown(now) for _, desk in sorted(self.arms.items())]
 
-    def arms_now(self) -> List[Dict[str, Any]]:
-        """Return the arms as the message ``arms`` has them."""
-        return self._arms(time.monotonic())
-
     def _tell_arms(self) -> None:
         """Send the arms to all pages if anything has changed."""
-        text = json.dumps({"t": "arms", "arms": self.arms_now()})
-        if text != self._told_arms:
-            self._told_arms = text
+        text = json.dumps({"t": "arms", "arms": self._arms(time.monotonic())})
+        if text != self.arms_told:
+            self.arms_told = text
             for page in list(self.pages.values()):
                 page.send_text(text)
 

@@ -1,41 +1,35 @@
-"""The addresses of the panel, and its end."""
+"""The addresses of the panel, for the connections of one loop."""
 import asyncio
-import errno
 import json
-import logging
+import socket
 import ssl
 from typing import Any, Optional
 
 from aiohttp import web
 
 from .. import __version__
-from ..settings import PORTS_TRIED, Settings
+from ..settings import Settings
 from .access import HEADERS, Access, sent_twice
 from .files import page_file
 from .hub import Hub
+from .peer import HEAD_S, Peer, PeerRegistry, Share
 from .websocket_session import converse
 
-_LOG = logging.getLogger(__name__)
 _DECIDE = ("Host", "Origin", "Sec-Fetch-Site", "Authorization")
 _NO_PAGE = "The files of the page are not installed."
-_END_S = 2.0
 
 
 class Server:
-    """HTTP and WebSockets of one hub.
+    """HTTP and WebSockets of one hub, on the loop in which it is started."""
 
-    Attributes:
-        port: On which it listens, when it does.
-    """
-
-    def __init__(self, settings: Settings, hub: Hub) -> None:
-        self._settings, self._hub = settings, hub
-        self._access = Access(settings)
+    def __init__(self, settings: Settings, hub: Hub, access: Access, share: Share) -> None:
+        """Set up; ``share`` is what each connection may send at first."""
+        self._settings, self._hub, self._access, self._share = settings, hub, access, share
+        self._peers = PeerRegistry()
         self._runner: Optional[web.AppRunner] = None
-        self.port = 0
 
     async def start(self) -> None:
-        """Listen; raises OSError where no port is free or a TLS file cannot be used."""
+        """Begin to serve what ``take`` is given."""
         app = web.Application(middlewares=[self._guard], client_max_size=1024)
         app.router.add_get("/", self._index)
         app.router.add_get("/index.html", self._index)
@@ -47,31 +41,26 @@ class Server:
         app.router.add_post("/api/stop", self._stop)
         self._runner = web.AppRunner(app, access_log=None, handle_signals=False)
         await self._runner.setup()
-        context = None
-        if self._settings.tls is not None:
-            context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-            context.load_cert_chain(*self._settings.tls)
-        last = min(self._settings.port + PORTS_TRIED, 65536) - 1
-        for port in range(self._settings.port, last + 1):
-            try:
-                await web.TCPSite(self._runner, self._settings.host, port, ssl_context=context).start()
-                break
-            except OSError as error:
-                if error.errno != errno.EADDRINUSE or port == last:
-                    raise
-        self.port = int(self._runner.addresses[0][1])
+
+    async def take(self, link: socket.socket, head: bytes, context: Optional[ssl.SSLContext] = None) -> None:
+        """Serve a connection, of which ``head`` was read already; raises OSError where it ends before it begins."""
+        assert self._runner is not None and self._runner.server is not None
+        manager, loop = self._runner.server, asyncio.get_event_loop()
+        await loop.connect_accepted_socket(  # type: ignore[attr-defined]
+            lambda: Peer(manager, self._peers, self._share, head), link, ssl=context,
+            ssl_handshake_timeout=None if context is None else HEAD_S)
 
     async def close(self) -> None:
-        """Listen no more."""
+        """End all connections."""
         if self._runner is not None:
-            try:
-                await asyncio.wait_for(self._runner.cleanup(), _END_S)
-            except asyncio.TimeoutError:
-                _LOG.info("a connection did not end in time")
+            await self._runner.cleanup()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         """Refuse what other sites ask, and put the headers on every answer."""
+        peer = request.protocol
+        assert isinstance(peer, Peer)
+        peer.begins()
         is_socket = request.path == "/ws" or request.method == "POST"
         why = "a header stands twice" if sent_twice(request, _DECIDE) else self._access.refusal(
             request.headers, is_socket, request.path in ("/", "/index.html"))
@@ -86,6 +75,7 @@ class Server:
         if not response.prepared:
             response.headers.update(HEADERS)
             response.headers.setdefault("Cache-Control", "no-cache")
+        peer.answered()
         return response
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
@@ -102,7 +92,7 @@ class Server:
 
     async def _info(self, request: web.Request) -> web.StreamResponse:
         return web.json_response({"protocol": 1, "version": __version__, "read_only": self._settings.read_only,
-                                  "arms": self._hub.arms_now()})
+                                  "arms": json.loads(self._hub.arms_told)["arms"]})
 
     async def _description(self, request: web.Request) -> web.StreamResponse:
         desk = self._hub.arms.get(request.query.get("arm", ""))
@@ -124,11 +114,10 @@ class Server:
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:
         """Stop an arm, or all, for a page whose WebSocket does not answer."""
-        kind, _, token = request.headers.get("Authorization", "").partition(" ")
-        if kind != "Bearer" or not self._access.is_token(token.strip()):
+        if not self._access.has_bearer(request.headers):
             return web.Response(status=401, text="a stop needs the token\n")
         arm = request.query.get("arm")
         if arm is not None and arm not in self._hub.arms:
             return web.Response(status=404, text="no such arm\n")
-        error = await self._hub.stop(arm)
+        error = await self._hub.ask(self._hub.stop(arm))
         return web.json_response({"ok": not error, "message": error}, dumps=json.dumps)

@@ -2,26 +2,32 @@
 import asyncio
 import json
 from collections import deque
-from typing import Any, Deque, Dict, List, Optional, Set
+from typing import Any, Coroutine, Deque, Dict, List, Optional, Set, TypeVar
 
 from aiohttp import web
 
 from ..authority.jog_hold import DelayEstimate
 from ..authority.rate_limiter import RateLimiter
 
-MESSAGE_RATE, MESSAGE_BURST = 200.0, 100.0
 COSTLY_RATE, COSTLY_BURST = 3.0, 15.0
 """Messages whose answers take milliseconds to make: curves, all that is known of an arm."""
-LONGEST_MESSAGE = 64 * 1024
 _MOST_WAITING = 2000
 _EARLY_S = 0.005
 _REST_S = 0.5
 _LONGEST_NAME = 60
 _CLOSE_S = 1.0
+T = TypeVar("T")
+
+
+async def run_in(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine in this loop, whichever the caller's is; return what it returns, raise what it raises."""
+    if loop is asyncio.get_event_loop():
+        return await work
+    return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(work, loop))
 
 
 class Session:
-    """A page that is connected.
+    """A page that is connected. Its connection lives in the loop that made it, all else in the hub's.
 
     Attributes:
         id: Name that no other page ever has.
@@ -34,14 +40,13 @@ class Session:
         plots: True if it wants curves.
         heard_at: Reception of its last message, monotonic time, s.
         lateness: Delay of its messages.
-        message_rate: Rate limiter of its messages.
-        costly: Rate limiter of the messages whose answers are costly.
+        costly: Rate limiter of the messages whose answers are costly; visitors share one.
         waiting: Commands that are running.
         is_too_slow: True if it does not take what it is sent.
     """
 
     def __init__(self, page: str, socket: web.WebSocketResponse, transport: Optional[asyncio.BaseTransport],
-                 version: str, now: float) -> None:
+                 version: str, costly: RateLimiter, now: float) -> None:
         self.id, self.version, self.name = page, version, page
         self.may_command = self.has_token = False
         self.why = ""
@@ -49,11 +54,10 @@ class Session:
         self.plots = False
         self.heard_at = now
         self.lateness = DelayEstimate()
-        self.message_rate = RateLimiter(MESSAGE_RATE, MESSAGE_BURST, now)
-        self.costly = RateLimiter(COSTLY_RATE, COSTLY_BURST, now)
+        self.costly = costly
         self.waiting = 0
         self.is_too_slow = False
-        self._socket, self._transport = socket, transport
+        self._socket, self._transport, self._loop = socket, transport, asyncio.get_event_loop()
         self._period = 1.0 / 30.0
         self._texts: Deque[str] = deque()
         self._states: Dict[str, str] = {}
@@ -85,7 +89,7 @@ class Session:
             self.is_too_slow = True
             return
         self._texts.append(text)
-        self._has_more.set()
+        self._wake()
 
     def send_state(self, arm: str, text: str, now: float) -> None:
         """Queue a state in place of an unsent one, so that a slow page gets the newest."""
@@ -93,7 +97,13 @@ class Session:
             return
         self._state_at[arm] = now
         self._states[arm] = text
-        self._has_more.set()
+        self._wake()
+
+    def _wake(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._has_more.set)
+        except RuntimeError:
+            self.is_too_slow = True  # its loop has ended
 
     async def write_for_ever(self) -> None:
         """Send what there is; returns when the page is gone."""
@@ -103,14 +113,16 @@ class Session:
                 self._has_more.clear()
                 while self._texts:
                     await self._socket.send_str(self._texts.popleft())
-                states, self._states = self._states, {}
-                for text in states.values():
-                    await self._socket.send_str(text)
+                while self._states:
+                    await self._socket.send_str(self._states.popitem()[1])
         except (ConnectionError, RuntimeError):
             return  # it is closed; who reads it sees that, too
 
     async def end(self, code: int, why: str) -> None:
-        """Close it; one that does not answer is cut."""
+        """Close it, called in any loop; one that does not answer is cut."""
+        await run_in(self._loop, self._end(code, why))
+
+    async def _end(self, code: int, why: str) -> None:
         try:
             await asyncio.wait_for(self._socket.close(code=code, message=why.encode()), _CLOSE_S)
         except (asyncio.TimeoutError, ConnectionError, RuntimeError):

@@ -1,6 +1,7 @@
 """The WebSocket session of one page, from hello to the end (docs/panel.md, "Protocol")."""
 import asyncio
 import json
+import logging
 import math
 import time
 from typing import Any, Callable, Dict, Mapping, Optional
@@ -9,15 +10,19 @@ from aiohttp import WSMsgType, web
 
 from .. import __version__
 from ..authority.jog_hold import WrongHeartbeat, heartbeat_from
+from ..authority.rate_limiter import RateLimiter
 from ..record.history import KINDS, MOST_BUCKETS, SECONDS
-from .access import Access
+from .access import HEADERS, Access
 from .commands import COMMANDS, answer_to
 from .hub import Hub
-from .session import LONGEST_MESSAGE, Session
+from .peer import LONGEST_MESSAGE, OPERATOR, VISITOR, Peer
+from .session import COSTLY_BURST, COSTLY_RATE, Session
 
+_LOG = logging.getLogger(__name__)
 HELLO_S = 5.0
 SUBPROTOCOL = "jaka-panel.v1"
 _MOST_WAITING = 16
+_LONGEST_WHOLE = 18
 _WRONG_TOKEN_S = 0.5
 _POLICY, _TOO_MANY = 1008, 1013
 Message = Dict[str, Any]
@@ -34,27 +39,26 @@ class WebSocketSession:
             "stop": self._stop, "cmd": self._command, "history": self._history, "take_control": self._take_control,
             "answer_control": self._answer_control, "release_control": self._release_control}
 
-    async def hello(self, message: Message) -> bool:
-        """Handle the first message; return False if it is no hello."""
-        if message.get("t") != "hello" or message.get("v") != 1:
-            return False
+    def hello(self, message: Message) -> None:
+        """Answer the first message."""
         page, given = self._page, message.get("token")
         page.call_it(message.get("name"))
-        page.has_token = self._access.is_token(given)
+        page.has_token = page.has_token or self._access.is_token(given)
         page.may_command = page.has_token and not self._hub.settings.read_only
         if not page.may_command:
             page.why = "read-only" if page.has_token else "no token" if given is None else "wrong token"
-        if given is not None and not page.has_token:
-            await asyncio.sleep(_WRONG_TOKEN_S)  # who guesses gets few tries
         page.heard_at = time.monotonic()
         page.send(self._hub.welcome(page))
-        return True
 
     def take(self, message: Message) -> None:
-        """Handle one message after hello."""
+        """Handle one message after hello; one that cannot be handled changes nothing."""
         part = self._parts.get(str(message.get("t")))
-        if part is not None:
-            part(message)
+        try:
+            if part is not None:
+                part(message)
+        except Exception:  # whatever a page sends, the others are served on
+            _LOG.exception("a message of a page failed")
+            self._error("bad_message", "this message cannot be handled")
 
     # ---- watching ----
 
@@ -185,47 +189,58 @@ class WebSocketSession:
 
 async def converse(hub: Hub, access: Access, request: web.Request) -> web.WebSocketResponse:
     """Serve one page until it ends."""
+    has_token = access.offers_token(request.headers)
+    peer = request.protocol
+    assert isinstance(peer, Peer)
+    peer.expect_frames(OPERATOR if has_token else VISITOR)
     socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, protocols=(SUBPROTOCOL,), compress=False,
                                    timeout=1.0)
+    socket.headers.update(HEADERS)
     await socket.prepare(request)
-    if hub.connections >= hub.settings.pages:
+    if not hub.places.enter(has_token):
         await socket.close(code=_TOO_MANY, message=b"too many pages")
         return socket
-    hub.connections += 1
-    page = Session(hub.next_page(), socket, request.transport, __version__, time.monotonic())
+    peer.has_place = True
+    now = time.monotonic()
+    costly = RateLimiter(COSTLY_RATE, COSTLY_BURST, now) if has_token else hub.visitors_costly
+    page = Session(hub.next_page(), socket, request.transport, __version__, costly, now)
+    page.has_token = has_token
     session = WebSocketSession(hub, access, page)
     writer: asyncio.Future[None] = asyncio.ensure_future(page.write_for_ever())
     try:
-        why = await _greeted(socket, session) or await _listen(socket, session, page)
+        why = await _greeted(socket, hub, access, session) or await _listen(socket, hub, session, page)
         if why:
             await page.end(_POLICY, why)
     finally:
-        hub.connections -= 1
-        hub.leave(page)
+        hub.places.leave(has_token)
+        hub.call(hub.leave, page)
         writer.cancel()
     return socket
 
 
-async def _greeted(socket: web.WebSocketResponse, session: WebSocketSession) -> str:
+async def _greeted(socket: web.WebSocketResponse, hub: Hub, access: Access, session: WebSocketSession) -> str:
     """Wait for hello; empty when it has come, else why the page is refused."""
     try:
-        first = await asyncio.wait_for(socket.receive(), HELLO_S)
+        message = _object(await asyncio.wait_for(socket.receive(), HELLO_S))
     except asyncio.TimeoutError:
         return "no hello"
-    message = _object(first)
-    return "" if message is not None and await session.hello(message) else "no hello"
+    if message is None or message.get("t") != "hello" or message.get("v") != 1:
+        return "no hello"
+    given = message.get("token")
+    if given is not None and not access.is_token(given):
+        await asyncio.sleep(_WRONG_TOKEN_S)  # who guesses gets few tries
+    hub.call(session.hello, message)
+    return ""
 
 
-async def _listen(socket: web.WebSocketResponse, session: WebSocketSession, page: Session) -> str:
+async def _listen(socket: web.WebSocketResponse, hub: Hub, session: WebSocketSession, page: Session) -> str:
     """Take messages until the page ends; why it is ended, empty where it has ended by itself."""
     async for received in socket:
         page.heard_at = time.monotonic()
-        if not page.message_rate.spend(page.heard_at):
-            return "too many messages"
         message = _object(received)
         if message is None:
             return "not a JSON object"
-        session.take(message)
+        hub.call(session.take, message)
     return ""
 
 
@@ -233,10 +248,15 @@ def _object(received: Any) -> Optional[Message]:
     if received.type != WSMsgType.TEXT:
         return None
     try:
-        message = json.loads(received.data)
+        message = json.loads(received.data, parse_int=_whole)
     except (ValueError, RecursionError):
         return None
     return message if isinstance(message, dict) else None
+
+
+def _whole(digits: str) -> float:
+    """Return a whole number; as a float, which may be infinite, where it is longer than any that is meant."""
+    return int(digits) if len(digits) <= _LONGEST_WHOLE else float(digits)
 
 
 def _number(value: Any) -> Optional[float]:

@@ -77,3 +77,34 @@ test('what is not known is said to be unknown, never off', () => {
   assert.deepEqual(states.owner, ['a jog', '']);
   assert.deepEqual(states.speed, ['50 %', '']);
 });
+
+test('an age has the way of the link in it, and a slow link is told from states that do not come', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [ARM] });
+  store.take(state({}));
+  store.way = 0.4;
+  assert.ok(store.age() > 0.4);
+  assert.deepEqual([store.isFresh(), store.isSlow()], [false, true]);
+  store.record().stateAt -= 400;
+  assert.deepEqual([store.isFresh(), store.isSlow()], [false, false]);
+});
+
+test('rest and motion are what fresh states show', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [ARM] });
+  const still = [0, 0, 0, 0, 0, 0];
+  const moving = [0, 0, 0, 0, -0.1, 0];
+  let n = 0;
+  for (const [more, rests, moves] of /** @type {[object, boolean, boolean][]} */ ([
+    [{ dq: still }, true, false], [{ dq: moving }, false, true], [{ dq: null }, false, false],
+    [{ dq: still, status: { in_motion: true } }, false, true], [{ dq: still, status: { in_motion: null } }, true, false],
+    [{ dq: moving, status: { in_motion: false } }, false, true], [{ dq: still, fresh: false }, false, false],
+  ])) {
+    n += 1;
+    store.take(state({ n, ...more }));
+    assert.deepEqual([store.rests(), store.moves()], [rests, moves], JSON.stringify(more));
+  }
+  store.take(state({ n: 50, dq: still }));
+  store.record().stateAt -= 400;
+  assert.equal(store.rests(), false);
+});

@@ -16,6 +16,7 @@ export const en = {
 
   'age.fresh': 'live, {ms} ms old',
   'age.stale': 'NOT LIVE: {s} s old',
+  'age.slow': 'SLOW LINK: {s} s old',
   'age.never': 'NOT LIVE: the driver has sent nothing yet',
   'age.no_arm': 'no driver',
 
@@ -30,7 +31,9 @@ export const en = {
   'stop.label': 'STOP',
   'stop.hint': 'or space bar',
   'stop.sent': 'stopping …',
-  'stop.done': 'stopped',
+  'stop.done': 'confirmed at rest',
+  'stop.done_one': 'this arm: confirmed at rest',
+  'stop.unconfirmed': 'NOT CONFIRMED: use the emergency stop button',
   'stop.failed': 'NOT STOPPED',
   'stop.unreachable': 'The server cannot be reached: use the emergency stop button of the arm',
 
@@ -191,10 +194,13 @@ export const en = {
   'jog.step.large': '20 mm / 5°',
   'jog.speed': 'Jog speed',
   'jog.idle': 'Hold a button to move the arm; let it go to stop.',
-  'jog.holding': 'Moving {axis}',
+  'jog.held': 'Held: {axis}. No motion is seen.',
+  'jog.moving': 'Moving {axis}',
   'jog.stands': 'The tool stands: {why}',
   'jog.hint': 'With the keyboard: hold Enter on a button. The arm moves only while this page is in front and has the focus.',
   'jog.stale': 'What is shown is not live: no jog',
+  'jog.slow': 'The link is too slow to jog; watching and STOP work',
+  'jog.slow.by': 'The link is too slow to jog: {ms} ms there and back, at most {most} ms.',
   'jog.end': 'Ended: {why}. Let the button go and press it again.',
   'jog.end.released': 'Let go.',
   'jog.end.step_done': 'Step done.',

@@ -16,6 +16,7 @@ export const zh = {
 
   'age.fresh': '实时，延迟 {ms} 毫秒',
   'age.stale': '非实时：数据已过去 {s} 秒',
+  'age.slow': '链路慢：数据已有 {s} 秒',
   'age.never': '非实时：驱动尚未发送任何数据',
   'age.no_arm': '没有驱动',
 
@@ -30,7 +31,9 @@ export const zh = {
   'stop.label': '停止',
   'stop.hint': '或按空格键',
   'stop.sent': '正在停止……',
-  'stop.done': '已停止',
+  'stop.done': '已确认静止',
+  'stop.done_one': '此机械臂：已确认静止',
+  'stop.unconfirmed': '停止未确认：请按急停按钮',
   'stop.failed': '未能停止',
   'stop.unreachable': '无法连接服务器：请使用机械臂的急停按钮',
 
@@ -191,10 +194,13 @@ export const zh = {
   'jog.step.large': '20 mm / 5°',
   'jog.speed': '点动速度',
   'jog.idle': '按住按钮移动机械臂，松开即停。',
-  'jog.holding': '正在移动 {axis}',
+  'jog.held': '按住 {axis}：未见运动。',
+  'jog.moving': '正在移动 {axis}',
   'jog.stands': '工具停住：{why}',
   'jog.hint': '键盘操作：在按钮上按住回车键。只有此页面在最前并拥有焦点时，机械臂才会移动。',
   'jog.stale': '显示的不是实时数据：不能点动',
+  'jog.slow': '链路太慢，不能点动；仍可查看和停止',
+  'jog.slow.by': '链路太慢，不能点动：往返 {ms} 毫秒，最多 {most} 毫秒。',
   'jog.end': '已结束：{why}。请松开后重新按下。',
   'jog.end.released': '已松开。',
   'jog.end.step_done': '步进完成。',

@@ -67,12 +67,16 @@ export class App {
     this.connection = new Connection({
       url: `${scheme}://${location.host}/ws`, token: takeToken(location, history, storageOf('sessionStorage')), name: pageName(),
       onMessage: (message) => this.take(message),
-      onState: () => this.store.tell('link'),
+      onState: (state) => {
+        if (state === 'lost') this.store.take({ t: 'control', holder: null, you: false, asked: null });
+        this.store.tell('link');
+      },
     });
   }
 
   /** @param {any} message */
   take(message) {
+    if (message.t === 'pong') this.store.way = this.connection.roundTrip() / 2;
     this.store.take(message);
     if (message.t === 'state' && message.arm === this.store.chosen) this.paintSoon();
     if (message.t === 'welcome') this.watch();

@@ -1,13 +1,17 @@
 /**
  * STOP: the button that is always there, and the space bar wherever the focus is. In a text field the space bar types,
- * and Escape stops. It needs no control, waits for nothing, and goes by HTTP where the WebSocket does not answer.
+ * and Escape stops. It needs no control, and goes by HTTP, too, where the WebSocket does not answer. The page says that
+ * the arm rests when the arm's own states show it, and after a second without that to use the emergency stop button.
  */
 import { byId, setText } from '../ui/dom.js';
 import { toast } from '../ui/toast.js';
 
 /** @typedef {import('../app.js').App} App */
+/** @typedef {import('../link/messages.js').Answer} Answer */
 
 const ANSWER_S = 0.3;
+const CONFIRM_S = 1;
+const GIVE_UP_S = 5;
 
 /**
  * Whether the space bar belongs to the element: fields for words. Numbers have no spaces.
@@ -27,34 +31,77 @@ export function mountStop(app) {
   const button = byId('stop');
   const said = byId('stop-said');
   let presses = 0;
+  /** Server's clock when the newest stop was served, s. */
+  let servedAt = Infinity;
+  let isConfirmed = false;
+
+  /** @returns {Promise<Answer>} */
+  async function post() {
+    const limit = new AbortController();
+    const timer = setTimeout(() => limit.abort(), GIVE_UP_S * 1000);
+    try {
+      const response = await fetch('/api/stop', { method: 'POST', signal: limit.signal,
+        headers: { Authorization: `Bearer ${app.connection.token ?? ''}` } });
+      const text = await response.text();
+      return response.ok ? JSON.parse(text) : { ok: false, message: text };
+    } catch {
+      return { ok: false, message: 'stop.unreachable' };
+    } finally {
+      clearTimeout(timer);
+    }
+  }
+
+  /** @returns {Promise<Answer>} Of the first way that succeeds, else why none did; within GIVE_UP_S and a little. */
+  function served() {
+    const bySocket = app.connection.request({ t: 'stop', arm: null }, GIVE_UP_S);
+    const late = new Promise((resolve) => setTimeout(resolve, ANSWER_S * 1000));
+    const byHttp = Promise.race([bySocket, late]).then((answer) => (answer?.ok ? answer : post()));
+    return new Promise((resolve) => {
+      for (const way of [bySocket, byHttp]) {
+        void way.then((answer) => {
+          if (answer.ok) resolve(answer);
+        });
+      }
+      void Promise.all([bySocket, byHttp]).then(([, answer]) => resolve(answer));
+    });
+  }
+
+  /** @param {string} key @param {boolean} isBad */
+  function say(key, isBad) {
+    setText(said, key);
+    said.classList.toggle('bad', isBad);
+  }
 
   async function stop() {
     const press = ++presses;
+    servedAt = Infinity;
+    isConfirmed = false;
     app.hold?.end('stopped');
     button.classList.add('pressed');
-    setText(said, 'stop.sent');
-    const byHttp = async () => {
-      const response = await fetch('/api/stop', { method: 'POST',
-        headers: { Authorization: `Bearer ${app.connection.token ?? ''}` } });
-      const text = await response.text();
-      let answer = { ok: response.ok, message: text };
-      try {
-        answer = JSON.parse(text);
-      } catch {
-        // what is no JSON is shown as it is
-      }
-      return { ok: response.ok && answer.ok !== false, message: answer.message || text };
-    };
-    let answer = await app.connection.request({ t: 'stop', arm: null }, ANSWER_S);
-    if (!answer.ok && ['link.gone', 'link.no_answer'].includes(answer.message)) {
-      answer = await byHttp().catch(() => ({ ok: false, message: 'stop.unreachable' }));
-    }
+    say('stop.sent', false);
+    setTimeout(() => {
+      if (press !== presses || isConfirmed) return;
+      button.classList.remove('pressed');
+      say('stop.unconfirmed', true);
+    }, CONFIRM_S * 1000);
+    const answer = await served();
     if (press !== presses) return;
     button.classList.remove('pressed');
-    setText(said, answer.ok ? 'stop.done' : 'stop.failed');
-    said.classList.toggle('bad', !answer.ok);
-    if (!answer.ok) toast(answer.message || 'stop.failed', 'bad', 'stop.label');
+    if (answer.ok) {
+      servedAt = app.connection.serverNow;
+      return;
+    }
+    say('stop.unconfirmed', true);
+    toast(answer.message || 'stop.failed', 'bad', 'stop.label');
   }
+
+  app.store.on('state', (state) => {
+    if (state.arm !== app.store.chosen || !app.store.rests()) return;
+    if (!(state.now - state.age > servedAt)) return;  // a sample of before the stop says nothing
+    servedAt = Infinity;
+    isConfirmed = true;
+    say(app.store.arms.length > 1 ? 'stop.done_one' : 'stop.done', false);
+  });
 
   button.addEventListener('pointerdown', (event) => {
     if (event.button === 0) void stop();

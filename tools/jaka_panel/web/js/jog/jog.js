@@ -30,6 +30,9 @@ export function mountJog(root, app) {
   const { store, connection } = app;
   let space = /** @type {'joint'|'base'|'tool'} */ ('joint');
   let step = 'hold';
+  let axis = '';
+  /** Why the tool stands although it is jogged, in the driver's words. */
+  let stands = '';
   const said = h('p', { class: 'said', role: 'status', t: 'jog.idle' });
 
   const hold = new Hold({
@@ -54,6 +57,14 @@ export function mountJog(root, app) {
     said.classList.toggle('bad', !['released', 'step done'].includes(why));
   }
 
+  /** Says what the arm does, which is not what it was told. */
+  function sayHeld() {
+    const moves = store.moves();
+    if (stands && !moves) setText(said, 'jog.stands', { why: stands });
+    else setText(said, moves ? 'jog.moving' : 'jog.held', { axis });
+    said.classList.toggle('bad', Boolean(stands) && !moves);
+  }
+
   const rows = [0, 1, 2, 3, 4, 5].map((index) => {
     const name = h('span', { class: 'axis-name' });
     const value = h('output', { class: 'axis-value' });
@@ -75,6 +86,13 @@ export function mountJog(root, app) {
    */
   function press(index, sign) {
     if (!app.mayCommand()) return false;
+    const { trip } = store.welcome?.jog ?? {};
+    if (connection.isSlower(trip)) {
+      toast('jog.slow', 'bad');
+      setText(said, 'jog.slow.by', { ms: fixed(1000 * connection.roundTrip(), 0), most: fixed(1000 * trip, 0) });
+      said.classList.add('bad');
+      return false;
+    }
     if (!store.isFresh()) {
       toast('jog.stale', 'bad');
       return false;
@@ -84,10 +102,9 @@ export function mountJog(root, app) {
     const [metres, radians] = STEPS[step];
     const way = space !== 'joint' && index < 3 ? metres : radians;
     const held = hold.begin({ arm: store.chosen, space, v, step: step === 'hold' ? null : way });
-    if (held) {
-      setText(said, 'jog.holding', { axis: AXES[space][index] + (sign > 0 ? '+' : '−') });
-      said.classList.remove('bad');
-    }
+    axis = AXES[space][index] + (sign > 0 ? '+' : '−');
+    stands = '';
+    if (held) sayHeld();
     return held;
   }
 
@@ -129,6 +146,7 @@ export function mountJog(root, app) {
   function draw() {
     const state = store.record().state;
     rows.forEach((row, index) => replaceText(row.value, axisValue(state, space, index)));
+    if (hold.isHeld) sayHeld();
   }
 
   root.append(
@@ -149,8 +167,8 @@ export function mountJog(root, app) {
   });
   store.on('motion', (message) => {
     if (message.id !== 'jog' || message.arm !== store.chosen || message.state !== 'stopped' || !hold.isHeld) return;
-    setText(said, 'jog.stands', { why: message.reason });
-    said.classList.add('bad');
+    stands = message.reason;
+    sayHeld();
   });
   endWhenUnseen((why) => hold.end(why));
 }

@@ -1,12 +1,25 @@
 /**
  * The WebSocket to the panel's server: hello, pings, requests with an answer, and a new connection when one is lost.
  * What arrives goes to `onMessage`; whether anything arrives is told by `silence`.
+ *
+ * connecting: no welcome yet, for CONNECT_S at most. open: messages come. silent: none has come for SILENT_S. lost: there
+ * is no connection, after LOST_S of silence at the latest; the next attempt follows after a pause that grows.
  */
 
 const PING_S = 0.5;
-const SILENT_S = 1.2;
-const RETRY_S = [0.3, 0.6, 1.2, 2];
+const TICK_S = 0.1;
+const CONNECT_S = 10;
+const SILENT_S = 0.8;
+const LOST_S = 6;
+const RETRY_S = [0.3, 0.6, 1.2, 2.4, 4.8];
+/** A connection that has lived so long begins again with the shortest pause. */
+const STEADY_S = 5;
+/** Round trips of which the quickest counts, and how many it takes to say that a link is slow. */
+const TRIPS = 8;
+const SURE_TRIPS = 3;
 const ANSWER_S = 3600;
+
+/** @typedef {'connecting'|'open'|'silent'|'lost'} LinkState */
 
 /** @typedef {import('./messages.js').Answer} Answer */
 
@@ -23,10 +36,10 @@ export class Connection {
    * @param {string|null} options.token
    * @param {string} options.name What this page is called in the others.
    * @param {(message: any) => void} options.onMessage
-   * @param {(state: 'open'|'silent'|'lost') => void} options.onState
-   * @param {(url: string, protocol: string) => WebSocket} [options.open] For tests.
+   * @param {(state: LinkState) => void} options.onState
+   * @param {(url: string, protocols: string[]) => WebSocket} [options.open] For tests.
    */
-  constructor({ url, token, name, onMessage, onState, open = (address, protocol) => new WebSocket(address, protocol) }) {
+  constructor({ url, token, name, onMessage, onState, open = (address, protocols) => new WebSocket(address, protocols) }) {
     this.url = url;
     this.token = token;
     this.name = name;
@@ -35,8 +48,8 @@ export class Connection {
     this.open = open;
     /** @type {WebSocket|null} */
     this.socket = null;
-    /** @type {'open'|'silent'|'lost'} */
-    this.state = 'lost';
+    /** @type {LinkState} */
+    this.state = 'connecting';
     this.tries = 0;
     this.requests = 0;
     /** Server's clock in its newest message, s. */
@@ -44,8 +57,10 @@ export class Connection {
     this.seen = 0;
     this.pingedAt = 0;
     this.heardAt = 0;
-    /** Round trip time, s. */
-    this.roundTrip = NaN;
+    this.triedAt = 0;
+    this.welcomedAt = 0;
+    /** The newest round trips, s. @type {number[]} */
+    this.roundTrips = [];
     /** Why the server closed the last connection. */
     this.closeCode = 0;
     /** @type {Map<number, Pending>} */
@@ -54,15 +69,19 @@ export class Connection {
   }
 
   start() {
-    this.ticker = setInterval(() => this.tick(), PING_S * 500);
+    this.ticker = setInterval(() => this.tick(), TICK_S * 1000);
     this.connect();
   }
 
   connect() {
-    const socket = this.open(this.url, 'jaka-panel.v1');
+    // with the token among its protocols the connection is served apart from those of visitors
+    const socket = this.open(this.url, ['jaka-panel.v1', ...(this.token ? [`token.${this.token}`] : [])]);
     this.socket = socket;
+    this.triedAt = performance.now();
+    this.welcomedAt = 0;
+    this.roundTrips = [];
+    this.change('connecting');
     socket.onopen = () => {
-      this.heardAt = performance.now();
       this.write({ t: 'hello', v: 1, token: this.token, name: this.name, resume: null });
     };
     socket.onmessage = (event) => this.receive(event.data);
@@ -80,6 +99,7 @@ export class Connection {
       this.pending.delete(id);
       resolve({ ok: false, message: 'link.gone' });
     }
+    if (this.welcomedAt && performance.now() - this.welcomedAt > STEADY_S * 1000) this.tries = 0;
     this.change('lost');
     if (this.ended) return;
     const wait = RETRY_S[Math.min(this.tries, RETRY_S.length - 1)];
@@ -102,11 +122,13 @@ export class Connection {
     if (typeof message.now === 'number') this.serverNow = Math.max(this.serverNow, message.now);
     if (message.t === 'state' && message.n > this.seen) this.seen = message.n;
     if (message.t === 'welcome') {
-      this.tries = 0;
+      this.welcomedAt = performance.now();
       this.serverNow = message.now;
       this.seen = 0;
     }
-    if (message.t === 'pong') this.roundTrip = (performance.now() - message.clock) / 1000;
+    if (message.t === 'pong') {
+      this.roundTrips = [...this.roundTrips, (performance.now() - message.clock) / 1000].slice(-TRIPS);
+    }
     if (message.t === 'answer' || message.t === 'history') this.settle(message);
     if (this.state !== 'open' && message.t !== 'error') this.change('open');
     this.ping();
@@ -133,8 +155,9 @@ export class Connection {
   tick() {
     this.ping();
     if (this.socket && this.state === 'open' && this.silence() > SILENT_S) this.change('silent');
-    if (this.socket && this.silence() > 5 * SILENT_S) {
-      const socket = this.socket;
+    const { socket } = this;
+    const since = this.welcomedAt ? this.silence() : (performance.now() - this.triedAt) / 1000;
+    if (socket && since > (this.welcomedAt ? LOST_S : CONNECT_S)) {
       this.lose();
       socket.close();
     }
@@ -145,7 +168,20 @@ export class Connection {
     return this.heardAt ? (performance.now() - this.heardAt) / 1000 : Infinity;
   }
 
-  /** @param {'open'|'silent'|'lost'} state */
+  /** @returns {number} The quickest of the newest round trips, s; 0 before the first. */
+  roundTrip() {
+    return this.roundTrips.length ? Math.min(...this.roundTrips) : 0;
+  }
+
+  /**
+   * @param {number} most s
+   * @returns {boolean} Whether the newest round trips all took longer.
+   */
+  isSlower(most) {
+    return this.roundTrips.length >= SURE_TRIPS && this.roundTrip() > most;
+  }
+
+  /** @param {LinkState} state */
   change(state) {
     if (this.state === state) return;
     this.state = state;

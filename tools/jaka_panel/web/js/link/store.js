@@ -7,6 +7,8 @@
 const ALARMS = 200;
 const CALLS = 200;
 const STALE_S = 0.3;
+/** Speed of a joint up to which no motion is seen, rad/s: a fifth of the slowest jog. */
+const REST_RAD_S = 0.001;
 
 /**
  * @typedef {object} ArmRecord
@@ -40,6 +42,8 @@ export class Store {
     this.jogFraction = 0.1;
     /** Server's clock in the newest state that the page has drawn, s; null: none yet. @type {number|null} */
     this.drawn = null;
+    /** The way of a message from the server to here, s: half of the quickest round trip. */
+    this.way = 0;
     /** @type {Map<string, Set<(message: any) => void>>} */
     this.listeners = new Map();
   }
@@ -87,7 +91,7 @@ export class Store {
   }
 
   /**
-   * Age of the newest joint sample as of now, s: what the server said, and the time since then.
+   * Age of the newest joint sample as of now, s: what the server said, its way here, and the time since then.
    *
    * @param {string} [id]
    * @returns {number} Infinity: none has come.
@@ -95,7 +99,7 @@ export class Store {
   age(id) {
     const { state, stateAt } = this.record(id);
     if (!state || state.age === null || state.age === undefined) return Infinity;
-    return state.age + (performance.now() - stateAt) / 1000;
+    return state.age + this.way + (performance.now() - stateAt) / 1000;
   }
 
   /**
@@ -104,6 +108,33 @@ export class Store {
    */
   isFresh(id) {
     return this.record(id).state?.fresh === true && this.age(id) <= STALE_S;
+  }
+
+  /**
+   * @param {string} [id]
+   * @returns {boolean} Whether states come as they should, and only the way of the link makes them old.
+   */
+  isSlow(id) {
+    return this.record(id).state?.fresh === true && !this.isFresh(id) && this.age(id) - this.way <= STALE_S;
+  }
+
+  /**
+   * @param {string} [id]
+   * @returns {boolean} Whether the newest state, which comes as it should, shows that the arm moves.
+   */
+  moves(id) {
+    const { state } = this.record(id);
+    if (state?.fresh !== true) return false;
+    return state.status?.in_motion === true || (state.dq?.some((speed) => Math.abs(speed) > REST_RAD_S) ?? false);
+  }
+
+  /**
+   * @param {string} [id]
+   * @returns {boolean} Whether the newest state, which comes as it should, shows that the arm rests.
+   */
+  rests(id) {
+    const { state } = this.record(id);
+    return state?.fresh === true && this.age(id) - this.way <= STALE_S && Boolean(state.dq) && !this.moves(id);
   }
 
   /** @param {string} id */

@@ -74,6 +74,7 @@ export function mountStatus(root, app) {
     if (isFresh) setText(age, 'age.fresh', { ms: Math.max(1, Math.round(seconds * 1000)) });
     else if (!app.store.arm()) setText(age, 'age.no_arm');
     else if (seconds === Infinity) setText(age, 'age.never');
+    else if (app.store.isSlow()) setText(age, 'age.slow', { s: fixed(seconds, 1) });
     else setText(age, 'age.stale', { s: fixed(seconds, 1) });
   }
 
