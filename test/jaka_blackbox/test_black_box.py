@@ -23,6 +23,7 @@ from live_samples import twist_frame
 from waiting import wait_until
 
 from jaka_bag.operations.signature import verify
+from jaka_blackbox.evidence import Evidence
 
 
 @contextlib.contextmanager
@@ -51,6 +52,18 @@ def test_each_kind_of_trigger_writes_a_file_in_which_nothing_is_missing(graph):
     assert found["expression"].triggers[0]["topic"] == MEASURE.topic
     assert "joint_move called by /cell failed: out of reach" in found["failed_call"].triggers[0]["detail"]
     assert box.output.count("wrote ") >= len(KINDS)
+
+
+def test_a_description_that_is_set_after_the_model_is_found_soon(graph):
+    master = graph.master()
+    master.setParam("/jaka_driver/model", "zu7")
+    with contextlib.closing(Evidence(graph.uri, "/box", "/jaka_driver", dict)) as evidence:
+        evidence.start()
+        wait_until(lambda: evidence.facts().get("model") == "zu7", "the parameters are read")
+        master.setParam("/robot_description", "<robot/>")
+        since = time.monotonic()
+        wait_until(lambda: "robot_description.urdf" in [one.name for one in evidence.attachments()], "the description")
+        assert time.monotonic() - since < 8.0, "it waited for the next of the slow rounds, 10 s"
 
 
 def test_triggers_that_overlap_extend_one_file(graph):

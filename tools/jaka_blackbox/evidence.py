@@ -130,7 +130,9 @@ class Evidence:
                 self._beside()
                 if time.monotonic() >= due_at:
                     self.refresh(master)
-                    due_at = time.monotonic() + (_PERIOD_S if self._driver_parameter("model") else _FIRST_PERIOD_S)
+                    # the launch file sets the model, the driver its description somewhat later
+                    is_known = self._driver_parameter("model") and self._description()
+                    due_at = time.monotonic() + (_PERIOD_S if is_known else _FIRST_PERIOD_S)
 
     def refresh(self, master: RemoteNode) -> None:
         """Ask for the parameters; those known before stay where the master does not answer."""

@@ -59,7 +59,7 @@ def test_what_is_old_is_never_shown_as_new(panel, open_page):
     panel.refusing = True
     panel.cut()
     page.until_text("#link-loss", "No connection")
-    assert page.evaluate("document.elementFromPoint(innerWidth / 2, innerHeight / 2).closest('#link-loss') !== null")
+    page.until("document.elementFromPoint(innerWidth / 2, innerHeight / 2).closest('#link-loss') !== null")
     assert page.evaluate("""(() => { const box = document.querySelector('#stop').getBoundingClientRect();
         return document.elementFromPoint(box.x + 30, box.y + 30).closest('#stop') !== null; })()""")
     panel.refusing = False
