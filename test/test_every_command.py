@@ -137,7 +137,8 @@ def outputs_of(name, words):
     given = parser("jaka_bag", words[1:]).parse_intermixed_args(words[1 + len(name.split()):])
     if name == "split":
         return list(Path().glob("run_*.bag"))
-    return [Path(path) for path in (getattr(given, "output", None), getattr(given, "target", None))
+    last = words[-1] if name == "merge" and given.output is None else None
+    return [Path(path) for path in (getattr(given, "output", None), getattr(given, "target", None), last)
             if path and Path(path).is_file()]
 
 

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from program_places import command_of
 
 from jaka_bag.cli.main import main
+from jaka_bag.containers.registry import open_log
 from jaka_bag.live.log_source import LogSource
 from jaka_bag.messages.connection import Connection
 
@@ -324,9 +325,10 @@ def test_the_file_is_read_by_its_index_not_loaded(tmp_path):
 
 
 def test_a_damaged_chunk_is_told_and_ends_the_playback(shown, long_log, tmp_path):
+    with open_log(long_log[0]) as log:
+        chunk = log.index.chunks[len(log.index.chunks) // 3]
     raw = bytearray(long_log[0].read_bytes())
-    middle = len(raw) // 3
-    raw[middle:middle + 2000] = bytes(2000)
+    raw[chunk.position + 100:chunk.position + 200] = bytes(100)  # its data, and not the index behind it
     (tmp_path / "damaged.mcap").write_bytes(raw)
     with RawViewer(shown(tmp_path / "damaged.mcap", speed=100.0).port) as viewer:
         viewer.subscribe(*[c["id"] for c in viewer.text("advertise")["channels"]])
