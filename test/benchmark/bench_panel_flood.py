@@ -3,7 +3,7 @@
 For each number of strangers and what they send: the time from a page's stop to the first command of it on the simulated
 controller's command port, median and longest, ms. In the devel space, on a quiet host:
 
-    build/venv/bin/python3 test/benchmark/bench_panel_flood.py [STOPS [KIND ...]]        40 stops, all kinds
+    build/venv/bin/python3 test/benchmark/bench_panel_flood.py [REPEATS [KIND ...]]        40 stops, all kinds
 """
 import contextlib
 import sys
