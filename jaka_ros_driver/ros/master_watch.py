@@ -1,7 +1,6 @@
 """The watch over the ROS master: after its restart the node is registered again, because a new master knows no nodes.
 
-A restart is noticed by the master's ``/run_id``, which changes with every start. The registration is rospy's own;
-existing connections are left as they are.
+The registration is rospy's own; existing connections are left as they are.
 """
 import logging
 import threading
@@ -15,6 +14,12 @@ from rospy.impl import registration
 _LOG = logging.getLogger(__name__)
 
 _PERIOD_S = 1.0
+_LAST = "/get_loggers"
+"""A service of every rospy node, registered after all others: a master that has it, has all.
+
+That the master knows the node's name says less. It learns the name from a question for a parameter, which rospy asks
+with each line of the log.
+"""
 
 
 class MasterWatch:
@@ -30,7 +35,6 @@ class MasterWatch:
         self._on_new_master = on_new_master
         self._period = period
         self._closing = threading.Event()
-        self._run_id = ""
         self._thread = threading.Thread(target=self._run, name="master watch", daemon=True)
 
     def start(self) -> None:
@@ -43,7 +47,7 @@ class MasterWatch:
     def _run(self) -> None:
         while True:
             try:
-                if self._is_new_master():
+                if not is_registered(rosgraph.Master(rospy.get_name())):
                     _LOG.warning("the ROS master was restarted; registering with the new one")
                     register_all()
                     self._on_new_master()
@@ -52,17 +56,12 @@ class MasterWatch:
             if self._closing.wait(self._period):
                 return
 
-    def _is_new_master(self) -> bool:
-        """Return whether the master has another run id (roscore sets it), or does not know this node."""
-        master = rosgraph.Master(rospy.get_name())
-        known_run = self._run_id
-        self._run_id = str(master.getParam("/run_id")) if master.hasParam("/run_id") else ""
-        if known_run and self._run_id != known_run:
-            return True
-        try:
-            master.lookupNode(rospy.get_name())
-        except rosgraph.MasterError:
-            return True
+
+def is_registered(master: rosgraph.Master) -> bool:
+    """Return whether the master knows what this process offers; raises OSError where it does not answer."""
+    try:
+        return bool(master.lookupService(rospy.get_name() + _LAST))
+    except rosgraph.MasterError:
         return False
 
 
@@ -75,5 +74,5 @@ def register_all() -> None:
         listeners.notify_added(name, data_type, kinds.PUB)
     for name, data_type in topics.get_subscriptions():
         listeners.notify_added(name, data_type, kinds.SUB)
-    for name, uri in services.get_services():
+    for name, uri in sorted(services.get_services(), key=lambda service: service[0] == rospy.get_name() + _LAST):
         listeners.notify_added(name, uri, kinds.SRV)

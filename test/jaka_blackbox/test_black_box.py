@@ -20,6 +20,7 @@ from accidents import (
     set_off,
 )
 from live_samples import twist_frame
+from ros_graph import Graph, tell_name
 from waiting import wait_until
 
 from jaka_bag.operations.signature import verify
@@ -64,6 +65,20 @@ def test_a_description_that_is_set_after_the_model_is_found_soon(graph):
         since = time.monotonic()
         wait_until(lambda: "robot_description.urdf" in [one.name for one in evidence.attachments()], "the description")
         assert time.monotonic() - since < 8.0, "it waited for the next of the slow rounds, 10 s"
+
+
+def test_after_a_restart_of_the_master_a_new_driver_is_recorded(tmp_path):
+    with Graph(tmp_path, True) as graph, black_box(graph, before="5s", after="0.2s") as box:
+        box.wait_for_line("in memory")
+        graph.stop_master()
+        box.wait_for_line("waiting for it")
+        graph.start_master()
+        tell_name(graph.uri, "/jaka_black_box")
+        with driving(graph) as driver:
+            wait_until(lambda: driver.sent > 60, "messages flow")
+            set_off("error", driver, box, graph)
+            wait_until(lambda: files_of(graph), "a file")
+    assert account_of(files_of(graph)[0]).lost == 0
 
 
 def test_triggers_that_overlap_extend_one_file(graph):

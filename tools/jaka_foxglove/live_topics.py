@@ -7,12 +7,13 @@ runs in a thread of its own.
 import asyncio
 import struct
 import threading
+import time
 from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Tuple
 
 from jaka_bag.errors import ConnectionLost, JakaBagError, ProtocolError
 from jaka_bag.live.graph import RemoteNode, master_uri
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.session import knows_node
+from jaka_bag.live.session import REGISTRATION_PERIOD_S
 from jaka_bag.live.subscriber import Subscriber
 from jaka_bag.live.topic_selection import TopicSelection
 from jaka_bag.messages.connection import Connection
@@ -87,6 +88,7 @@ class LiveTopics(ChannelSource):
         self._noticed: Dict[str, str] = {}
         self._stop = threading.Event()
         self._wake = threading.Event()
+        self._registration_due = 0.0
         self._registered: Dict[str, bool] = {}  # by topic: for its messages, or only to learn its type
         self._calls = ServiceCalls(names.node, options.services, notice) if options.has_calls else None
         self._graph = GraphView(names.node)
@@ -133,8 +135,8 @@ class LiveTopics(ChannelSource):
             self._wake.set()
 
     def subscribed(self, recipient: Recipient, channel: int) -> None:
-        for time, payload in self._latched.get(channel, {}).values():
-            recipient.deliver(channel, time, payload)
+        for stamp, payload in self._latched.get(channel, {}).values():
+            recipient.deliver(channel, stamp, payload)
 
     def watch(self, parameters: bool, graph: bool) -> None:
         if self._graph.watch(parameters, graph):
@@ -246,9 +248,10 @@ class LiveTopics(ChannelSource):
 
     def _look_at_topics(self, master: RemoteNode) -> None:
         bus, wanted = self._bus, self._wanted
-        if self._registered and not knows_node(master, self._names.node):
-            bus.resubscribe()
-            self._notice("registered again: the master was restarted")
+        if time.monotonic() >= self._registration_due:
+            self._registration_due = time.monotonic() + REGISTRATION_PERIOD_S
+            if bus.resubscribe():
+                self._notice("registered again: the master was restarted")
         published = {str(topic) for topic, _ in master.call("getPublishedTopics", "")}
         known = frozenset(self._by_topic)
         for topic in known - published:

@@ -8,6 +8,7 @@ import tempfile
 import threading
 from pathlib import Path
 from typing import Callable, Dict, Iterator, List, Optional, Sequence
+from xmlrpc.client import ServerProxy
 
 import rosgraph
 import roslaunch
@@ -204,6 +205,15 @@ def end_server(node):
     if node is not None and node.server is not None:
         node.is_shutdown = True
         node.server.shutdown()
+
+
+def tell_name(uri: str, node: str) -> None:
+    """Ask a master for a parameter in the name of a node, as rospy does with each line of a node's log.
+
+    From then on it knows the node, and nothing that the node offers.
+    """
+    ServerProxy(uri).subscribeParam(node, "http://127.0.0.1:1/", "/rosout_disable_topics_generation")
+    assert rosgraph.Master("/asking", uri).lookupNode(node)
 
 
 @contextlib.contextmanager

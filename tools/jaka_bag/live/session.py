@@ -25,6 +25,8 @@ _DRAIN_S = 0.5
 _POLL_S = 0.1
 _LOSS_NOTICE_PERIOD_S = 10.0
 _INTERFACE_PERIOD_S = 0.5
+REGISTRATION_PERIOD_S = 1.0
+"""Time between two looks for a master that was restarted, s."""
 """A node's topics are looked for so often, s: the master lists the whole graph for it."""
 _NO_INTERFACE = ("/rosout", "/rosout_agg", CLOCK_TOPIC)
 """Topics that any node has."""
@@ -57,7 +59,7 @@ class RecordingSession:
         self._notice = notice
         self._duration_s = duration_s
         self._subscribed: Set[str] = set()
-        self._interface_due = 0.0
+        self._interface_due = self._registration_due = 0.0
         self._is_master_lost = False
         self._noticed: Dict[str, str] = {}
         self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
@@ -185,9 +187,10 @@ class RecordingSession:
 
     def _look_at_graph(self, transport: Subscriber) -> None:
         master = transport.master
-        if self._subscribed and not knows_node(master, transport.names.node):
-            transport.resubscribe()
-            self._notice("registered again: the master was restarted")
+        if time.monotonic() >= self._registration_due:
+            self._registration_due = time.monotonic() + REGISTRATION_PERIOD_S
+            if transport.resubscribe():
+                self._notice("registered again: the master was restarted")
         for topic in self._selection.names:
             if not self._selection.is_excluded(topic):
                 self._subscribe(topic)
@@ -243,15 +246,6 @@ class RecordingSession:
         lost = sum(stream.overflowed for stream in self._recorder.streams())
         if lost:
             self._notice_once("overflow", "the buffer is full: %d messages thrown away so far" % lost)
-
-
-def knows_node(master: RemoteNode, node: str) -> bool:
-    """Return whether a node is registered with the master; a master that was restarted knows none."""
-    try:
-        master.call("lookupNode", node)
-        return True
-    except ProtocolError:
-        return False
 
 
 def read_parameter(master: RemoteNode, name: str) -> Any:

@@ -106,10 +106,16 @@ class Subscriber:
         publishers = self.master.call("registerSubscriber", topic, "*", self._slave.uri)
         self._command(self._apply_publishers, topic, publishers, False)
 
-    def resubscribe(self) -> None:
-        """Register again with a master that was restarted."""
-        for topic, accept in list(self._accepts.items()):
-            self.subscribe(topic, accept)
+    def resubscribe(self) -> bool:
+        """Register again where the master knows nothing of a subscription, as after its restart; return whether it did.
+
+        That it knows the node says less: a service that this process offers or a parameter that it asks for is enough.
+        """
+        known = dict(self.master.call("getSystemState")[1])
+        lost = [topic for topic in list(self._accepts) if self.names.node not in known.get(topic, ())]
+        for topic in lost:
+            self.subscribe(topic, self._accepts[topic])
+        return bool(lost)
 
     def unsubscribe(self, topic: str) -> None:
         """Take no more of a topic."""

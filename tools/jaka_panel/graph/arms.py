@@ -4,7 +4,7 @@ from typing import Any, Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Tu
 
 import rosgraph
 
-from .registration import NodeRegistration
+from .registration import register_again_at_a_new_master
 
 _LOG = logging.getLogger(__name__)
 _MARK, _MARK_TYPE = "/robot_states", "jaka_msgs/RobotMsg"
@@ -87,12 +87,11 @@ class ArmFinder:
 
     def __init__(self, caller: str) -> None:
         self._master = rosgraph.Master(caller)
-        self._registration = NodeRegistration()
 
     def find(self) -> Optional[Dict[str, Driver]]:
         """Return all drivers by the names of their nodes; None while the master does not answer."""
         try:
-            self._registration.renew(self._master)
+            register_again_at_a_new_master(self._master)
             publishers, subscribers, services = self._master.getSystemState()
             types = dict(self._master.getTopicTypes())
             nodes = sorted({topic[:-len(_MARK)] for topic, names in publishers

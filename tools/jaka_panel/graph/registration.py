@@ -11,25 +11,28 @@ from rospy.impl import registration
 _LOG = logging.getLogger(__name__)
 
 
-class NodeRegistration:
-    """The registration of all that this process publishes, subscribes to and serves."""
+_LAST = "/get_loggers"
+"""A service of every rospy node, registered after all others: a master that has it, has all.
 
-    def __init__(self) -> None:
-        self._run_id = ""
+That the master knows the node's name says less: any new subscription of this node tells it.
+"""
 
-    def renew(self, master: rosgraph.Master) -> None:
-        """Register again where the master was started anew; raises OSError or MasterException where it is silent."""
-        before, self._run_id = self._run_id, str(master.getParam("/run_id")) if master.hasParam("/run_id") else ""
-        try:
-            master.lookupNode(rospy.get_name())
-            if not before or before == self._run_id:
-                return
-        except rosgraph.MasterError:
-            pass  # it does not know this node
+
+def register_again_at_a_new_master(master: rosgraph.Master) -> None:
+    """Register all that this process publishes, subscribes to and serves, where the master was started anew.
+
+    Raises OSError where the master does not answer.
+    """
+    last = rospy.get_name() + _LAST
+    try:
+        master.lookupService(last)
+        return
+    except rosgraph.MasterError:
         _LOG.warning("the ROS master was restarted: this node registers again")
-        listeners, kinds = registration.get_registration_listeners(), registration.Registration
-        topics, services = registration.get_topic_manager(), registration.get_service_manager()
-        for kind, registered in ((kinds.PUB, topics.get_publications()), (kinds.SUB, topics.get_subscriptions()),
-                                 (kinds.SRV, services.get_services())):
-            for name, value in registered:
-                listeners.notify_added(name, value, kind)
+    listeners, kinds = registration.get_registration_listeners(), registration.Registration
+    topics, services = registration.get_topic_manager(), registration.get_service_manager()
+    for kind, registered in (
+            (kinds.PUB, topics.get_publications()), (kinds.SUB, topics.get_subscriptions()),
+            (kinds.SRV, sorted(services.get_services(), key=lambda service: service[0] == last))):
+        for name, value in registered:
+            listeners.notify_added(name, value, kind)
