@@ -421,11 +421,11 @@ class ArmClient:
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[str]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
-        starts_at, elapsed = trajectory.starts_at, 0.0
-        ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
+        starts_at, elapsed, reserve = trajectory.starts_at, 0.0, self._core.settings.stream_lead
+        ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic() - reserve)
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         if starts_at is not None:
-            elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
+            elapsed = time.monotonic() - starts_at + (ahead + reserve if start.running is not None else 0.0)
         path = followed_path(start, trajectory, elapsed, self.model, self._core, stops)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 

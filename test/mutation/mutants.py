@@ -18,6 +18,7 @@ LINK_STORIES = ("test/client/core/test_link_stories.py",)
 TRACE = ("test/client/test_servo_trace.py",)
 GUARD = ("test/client/test_stopping.py",)
 CORE = ("test/client/core",)
+RESERVE = ("test/client/simulated/test_stream_ahead.py",)
 SEEDS = tuple("test/custody/test_seeds.py::test_" + name for name in (
     "what_once_failed_in_short", *("no_seed_breaks_a_rule[%d]" % first for first in range(1, 51, 10))))
 CUSTODY = CORE + SEEDS
@@ -191,7 +192,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("an answer near the feed shows the arm at rest", "client/core/witness.py",
            "asked_at - self._rests_since.at >= REST_TIME_S", "True", OLD_NEWS),
     Mutant("a frame that is long overdue is sent", "client/core/streaming.py",
-           "if now - self._next_frame > self._custody.settings.stale_after:", "if False:",
+           "if held_up > self._custody.settings.stale_after:", "if False:",
            ("test/client/core/test_servo_stories.py",)),
     Mutant("a jog that begins late is waited for", "client/core/jog.py",
            "if not self._has_moved:", "if False:", CORE),
@@ -249,6 +250,18 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "        if self._stream is None or self._leave_reason is not None:\n            raise",
            "        self._last_target_at = now\n"
            "        if self._stream is None or self._leave_reason is not None:\n            raise", CORE),
+    Mutant("frames are sent no earlier, whatever the reserve", "client/core/streaming.py",
+           "if now < self._next_frame - self._lead:", "if now < self._next_frame:", RESERVE),
+    Mutant("servo mode is left before the reserve has run out", "client/core/streaming.py",
+           "        if has_run_out and self._is_over():", "        if self._is_over():", RESERVE),
+    Mutant("what the guard brakes is stopped before the reserve has run out", "client/core/streaming.py",
+           "if has_run_out and self.frame_guard is not None", "if self.frame_guard is not None", RESERVE),
+    Mutant("a silent jog is braked as late as its reserve", "client/core/velocity_jog/motion.py",
+           "self._dead_man.wish(now + self._lead)", "self._dead_man.wish(now)", RESERVE),
+    Mutant("single points are sent ahead, too", "client/core/point_stream.py",
+           "    has_reserve = False\n", "", RESERVE),
+    Mutant("the wanted state is that of the frame sent last", "client/core/trajectory.py",
+           "if self._lead > 0.0 else None", "if False else None", RESERVE),
     Mutant("a stream begins at any phase of the status feed", "client/core/streaming.py",
            "now + (self._observed_at + _BEHIND_STATUS_S - now) % SERVO_PERIOD_S", "now",
            ("test/client/core/test_servo_stories.py",)),
