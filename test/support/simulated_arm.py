@@ -134,7 +134,7 @@ class SimulatedArm:
         self.until(lambda: call.is_over, timeout)
         return call.error
 
-    def does(self, procedure, exclusive=False):
+    def does(self, procedure, exclusive=None):
         """Carry out a procedure, made of the core; return its result, or raise its error."""
         call = self.begin("run", procedure(self.core), exclusive=exclusive)
         error = self.ended(call)
