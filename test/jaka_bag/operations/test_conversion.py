@@ -323,7 +323,7 @@ def test_a_second_interruption_does_not_disturb_the_end_that_the_first_began(tmp
 
 @pytest.mark.parametrize("again", [False, True])
 def test_an_interrupted_folder_leaves_whole_files_only(tmp_path, again):
-    """``again``: Ctrl-C comes twice, the second time while the workers are being ended."""
+    """Press Ctrl-C once, or ``again`` while the workers are being ended."""
     folder = tmp_path / "logs"
     folder.mkdir()
     for i in range(6):
