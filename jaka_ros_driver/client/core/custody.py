@@ -146,7 +146,7 @@ class Custody:
         """
         if self.motion is not None:
             return ("the stop of %s has not been accepted" if self.must_stop else "%s has not come to its end"
-                    ) % self.motion.name
+                    ) % self.motion.owner.value
         if self.stillness.has_moved_since(since):
             return "the arm has not come to rest; it moves, and not by this driver"
         return "the status feed has not shown that the arm rests"

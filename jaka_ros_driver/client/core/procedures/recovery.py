@@ -156,7 +156,8 @@ class _Recovery:
                 raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is under way")
             motion = core.custody.motion
             if motion is not None and not core.custody.is_ending:
-                raise InvalidCommand("refused to recover: %s owns the arm's motion; stop it first" % motion.name)
+                raise InvalidCommand("refused to recover: %s owns the arm's motion; stop it first"
+                                     % motion.owner.value)
             raise InvalidCommand("refused to recover: within %.1f s %s" % (
                 _REST_TIMEOUT_S, core.custody.unrest(begun_at)))
 
