@@ -22,6 +22,7 @@ class _Worker:
     @classmethod
     def _on_end(cls, number: int, frame: Any) -> None:
         cls.is_ending = True
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the pool sends another one when it sees that a worker is gone
         if cls.is_at_work:
             raise KeyboardInterrupt  # the half output is removed on the way
         os._exit(1)
