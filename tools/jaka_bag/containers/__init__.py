@@ -2,7 +2,7 @@
 
 index         the index at a log's end: connections, chunks, totals; without numpy
 compression   the codecs of all formats
-lz4_cut       the beginning of an LZ4 block that is cut off
+cut_blocks    the blocks of a compressed chunk that is cut off
 contract      what every format offers: a reader and a writer, chunks as batches of messages, flat memory
 recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0

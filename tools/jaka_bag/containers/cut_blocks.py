@@ -1,5 +1,11 @@
-"""The beginning of an LZ4 block that is cut off (LZ4 frame format 1.6.4, block format), which no library gives."""
+"""The blocks of a compressed chunk that is cut off or damaged, as far as they can be read.
+
+A block of LZ4 (LZ4 frame format 1.6.4, block format) gives its beginning, which no library returns. One of Zstandard
+(RFC 8878) is read from its end backwards and gives nothing where it is cut, unless it is stored as it is; one of bzip2
+gives nothing, as every byte of it depends on all others.
+"""
 import struct
+from typing import Iterator
 
 _MAGIC = b"\x04\x22\x4d\x18"
 _HAS_DICTIONARY, _HAS_SIZE, _HAS_CHECKSUMS = 1, 8, 16
@@ -7,6 +13,11 @@ _IS_PLAIN = 1 << 31
 _WINDOW = 1 << 16
 """Bytes that a block can refer back to."""
 _LEAST_MATCH = 4
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_IS_ONE_BYTE = 1
+"""Type of a Zstandard block that repeats one byte."""
+_LARGEST_BLOCK = 1 << 17
+_MOST_ODD = 16
 
 
 def cut_off_part(frame: bytes, before: bytes, most: int) -> bytes:
@@ -64,3 +75,29 @@ def _decoded(data: bytes, window: bytes, most: int) -> bytes:
     except IndexError:  # the cut
         pass
     return bytes(out[len(window):end])
+
+
+def zstd_blocks(frame: bytes) -> Iterator[bytes]:
+    """Yield the head of a Zstandard frame, then its blocks, each of which unpacks to 128 KiB at most.
+
+    A library that is given block by block returns all that lies before a damaged one. Bytes that are no blocks, or
+    behind the last one, are yielded as they are.
+    """
+    if len(frame) < 6 or frame[:4] != _ZSTD_MAGIC:
+        yield frame[:_MOST_ODD]
+        return
+    flags = frame[4]
+    is_single = flags >> 5 & 1
+    at = 6 - is_single + (0, 1, 2, 4)[flags & 3] + ((1 if is_single else 0), 2, 4, 8)[flags >> 6]
+    yield frame[:at]
+    is_last = False
+    while not is_last and at + 3 <= len(frame):
+        word = int.from_bytes(frame[at:at + 3], "little")
+        is_last = bool(word & 1)
+        size = 1 if word >> 1 & 3 == _IS_ONE_BYTE else word >> 3
+        if size > _LARGEST_BLOCK:
+            return
+        yield frame[at:at + 3 + size]
+        at += 3 + size
+    if is_last and flags & 4:
+        yield frame[at:at + 4]
