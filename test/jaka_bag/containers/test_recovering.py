@@ -3,6 +3,7 @@ import bz2
 import random
 import struct
 import time
+import zlib
 
 import pytest
 import zstandard
@@ -13,7 +14,8 @@ from mcap_variants import ATTACHMENT, CHANNEL, DATA_END, FOOTER, HEADER, MAGIC, 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.compression import decompress_partly
 from jaka_bag.containers.cut_blocks import zstd_blocks
-from jaka_bag.containers.registry import open_log
+from jaka_bag.containers.mcap.records import parse_chunk_head
+from jaka_bag.containers.registry import open_log, read_index
 from jaka_bag.operations.recover import recover
 
 PERIOD = 10_000_000
@@ -221,3 +223,33 @@ def test_the_advice_to_recover_is_given_only_where_something_can_be(tmp_path, ca
         assert ("no message could be read" in capsys.readouterr().err) == (path is not cut)
         assert main(["doctor", str(path)]) == 1
         assert ("damaged: no message can be read" in capsys.readouterr().out) == (path is not cut)
+
+
+def test_a_damaged_message_index_refuses_nothing(tmp_path):
+    raw = write(tmp_path / "log.mcap", SAMPLES, "zstd", chunk_size=40).read_bytes()
+    with open_log(tmp_path / "log.mcap") as reader:
+        chunk = reader.chunks[1]
+        end = chunk.position + parse_chunk_head(raw[chunk.position:]).end
+    path = tmp_path / "damaged.mcap"
+    noted = 0
+    for at in range(end, chunk.end):
+        for bit in (0, 5, 7):
+            path.write_bytes(changed(raw, at, bytes([raw[at] ^ 1 << bit])))
+            assert read(path) == SAMPLES, (at - end, bit)
+            noted += "CRC is wrong, and that of each chunk" in " ".join(read_index(path).notes)
+    assert noted > 100  # that an offset is wrong is found, and put right, when the chunk is unpacked
+
+
+def test_a_wrong_checksum_of_data_that_have_no_other_is_refused(tmp_path, capsys):
+    raw = unchunked(WHOLE)
+    begin = raw.index(record(DATA_END, bytes(4)))
+    raw = changed(raw, begin, record(DATA_END, struct.pack("<I", zlib.crc32(raw[:begin]))))
+    path = tmp_path / "log.mcap"
+    path.write_bytes(raw)
+    assert read(path) == SAMPLES
+    at = raw.index(WHOLE) + len(WHOLE) - 3
+    path.write_bytes(changed(raw, at, b"\x77"))
+    assert main(["cat", str(path)]) == 1
+    assert "the data section's CRC is wrong (jaka_bag recover keeps the rest)" in capsys.readouterr().err
+    assert main(["doctor", str(path)]) == 1
+    assert recover(path, tmp_path / "kept.mcap").messages == len(SAMPLES)

@@ -3,12 +3,14 @@
 Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
+import struct
 import zlib
-from typing import Counter, Dict, Generator, Iterator, Optional
+from typing import Counter, Dict, Generator, Iterator, List, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
+from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
 from ..contract import chunk_of
@@ -27,6 +29,8 @@ _CODEC_AT = 37
 """Position of the length of the codec's name in a chunk record."""
 _SMALLEST_CHUNK = 49
 _LONGEST_CHUNK_HEAD = 64
+_INDEX_HEAD = struct.Struct("<BQHI")
+"""Record head, channel and size of the entries of a message index."""
 _FRAMES = (("zstd", b"\x28\xb5\x2f\xfd"), ("lz4", b"\x04\x22\x4d\x18"))
 """Codecs and the first bytes of what they make."""
 
@@ -40,6 +44,10 @@ class McapRecovery(LogRecovery):
         self._channels = Channels()
         self._places = Resync(lambda at, length: read_at(descriptor, at, length), self.size, self.connections)
         self._loose_window = _LOOSE_WINDOW
+        self._summary_channels: Dict[int, Connection] = {}
+        self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
+        self._data_end = self.size
+        self._has_unchecked = False  # messages that no checksum but that of all data covers
         self._begin = len(fmt.MAGIC)
         self.library = ""
         try:
@@ -51,6 +59,9 @@ class McapRecovery(LogRecovery):
             if summary is not None:
                 self._channels.schemas.update(summary.schemas)
                 self.learn(summary.channels)
+                self._summary_channels = summary.channels
+                self._indexes = [(chunk.position + chunk.size, chunk.position + chunk.size + chunk.index_size)
+                                 for chunk in summary.chunks]
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
@@ -60,6 +71,7 @@ class McapRecovery(LogRecovery):
         while at < self.size:
             opcode = read_at(self.descriptor, at, 1)[0]
             if opcode in (fmt.DATA_END, fmt.FOOTER) and self._ends_data(at, opcode):
+                self._data_end = at
                 break
             try:
                 if opcode == fmt.CHUNK:
@@ -95,6 +107,7 @@ class McapRecovery(LogRecovery):
             damage: Optional[Damage] = Damage(at + parsed.consumed, chunk, "a record's length is damaged")
         else:
             parsed, damage = around_damage(raw, at, 0, parsed, self._places, self._next_record)
+        self._has_unchecked |= len(parsed.batch) > 0
         self._loose_window = _FIRST_LOOSE_WINDOW if damage else min(2 * self._loose_window, _LOOSE_WINDOW)
         yield Stretch(at, at + parsed.consumed, parsed.batch, True)
         if damage is None:
@@ -114,12 +127,16 @@ class McapRecovery(LogRecovery):
     def _region_end(self, at: int) -> int:
         """Return the end of a chunk and the message indexes after it."""
         end = self._record_end(at)
-        while read_at(self.descriptor, end, 1) == bytes([fmt.MESSAGE_INDEX]):
-            try:
-                end = self._record_end(end)
-            except BagFormatError:
-                break
-        return end
+        while True:
+            head = read_at(self.descriptor, end, _INDEX_HEAD.size)
+            if head[:1] != bytes([fmt.MESSAGE_INDEX]) or len(head) < _INDEX_HEAD.size:
+                return end
+            _, length, _, size = _INDEX_HEAD.unpack(head)
+            after = end + fmt.RECORD_HEAD.size + int(length)
+            if after > self.size or length != 6 + size and not (
+                    0 < length - 6 - size <= fmt.MAX_UNKNOWN and self._places.fits(after)):
+                return end
+            end = after
 
     def _refuse_swallowing(self, at: int, end: int) -> None:
         """Refuse records whose damaged length would swallow a chunk."""
@@ -249,6 +266,7 @@ class McapRecovery(LogRecovery):
             yield from self._pieces(at, end, full, "")
             return region_end
         self.misled += parsed.is_misled
+        self._has_unchecked |= not head.crc and len(parsed.batch) > 0
         self.learn(parsed.connections)
         yield Stretch(at, region_end, parsed.batch)
         if head.crc and zlib.crc32(full) != head.crc:
@@ -293,8 +311,26 @@ class _Whole(McapRecovery):
     """The same walk over a file of which nothing may be lost."""
 
     def lose(self, begin: int, end: int, reason: str) -> None:
+        if any(first <= begin and end <= last for first, last in self._indexes):
+            self.notes.append("%d bytes at byte %d, a message index by the summary, are damaged and were skipped" % (
+                end - begin, begin))
+            return
         place = "" if " at byte " in reason else " at byte %d" % begin
         raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
+
+
+    def check_data(self) -> None:
+        """Note a wrong checksum of all data behind the walk.
+
+        Raises:
+            BagFormatError: It is wrong, and messages or channels have no other one that tells whether they are right.
+        """
+        if fmt.is_data_intact(self.descriptor, self._data_end):
+            return
+        if self._has_unchecked or any(self.connections.get(number) != channel
+                                      for number, channel in self._summary_channels.items()):
+            raise BagFormatError("the data section's CRC is wrong (jaka_bag recover keeps the rest)")
+        self.notes.append("the data section's CRC is wrong, and that of each chunk with messages is right")
 
 
 def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> LogIndex:
@@ -307,6 +343,7 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
         if len(stretch.batch):
             found.append(chunk_of(stretch.begin, stretch.end, stretch.batch, stretch.is_loose))
             totals.update(found[-1].counts)
+    walk.check_data()
     again = [channel % (fmt.MAX_CHANNELS + 1) for channel in walk.connections if channel > fmt.MAX_CHANNELS]
     if again:
         raise BagFormatError(fmt.DEFINED_AGAIN % again[0] + " (jaka_bag recover keeps both)")
