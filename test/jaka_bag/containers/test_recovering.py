@@ -9,6 +9,7 @@ import pytest
 import zstandard
 from hostile_logs import mcap_with_chunks
 from log_samples import START_NS, STATES, Sample, read, states, write
+from lz4 import frame
 from mcap_variants import ATTACHMENT, CHANNEL, DATA_END, FOOTER, HEADER, MAGIC, MESSAGE, SCHEMA, record, text, text_map
 
 from jaka_bag.cli.main import main
@@ -158,6 +159,19 @@ def test_the_blocks_before_a_damaged_one_are_unpacked():
     for (stored, unpacked), (end, _) in zip(ends, ends[1:]):
         found = decompress_partly("zstd", data[:stored] + b"\xff" * (end - stored) + data[end:], len(full))
         assert found[:unpacked] == full[:unpacked], stored
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_damaged_block_of_lz4_gives_its_beginning(linked):
+    full = _blocks("zstd")[0][:150000]
+    data = frame.compress(full, block_size=frame.BLOCKSIZE_MAX64KB, block_linked=linked)
+    for at in range(1000, len(data) - 1000, 97):
+        behind = b"\xff\x00" * 300 + data[at + 600:] if at % 2 else random.Random(at).randbytes(at % 700) + data[at:]
+        found = decompress_partly("lz4", data[:at] + behind, len(full))
+        assert len(found) <= len(full)
+        same = next((i for i, (a, b) in enumerate(zip(found, full)) if a != b), len(found))
+        cut = len(decompress_partly("lz4", data[:at], len(full)))
+        assert same >= cut - 70, (at, same, cut)
 
 
 def test_a_stored_block_of_zstd_is_read_up_to_the_cut():

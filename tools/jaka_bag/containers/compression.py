@@ -244,7 +244,9 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
         return part
 
     whole = _joined(step, most)
-    return whole + cut_off_part(bytes(data), whole, most - len(whole)) if is_cut and codec == "lz4" else whole
+    if codec == "lz4" and not decoder.eof and len(whole) < most:
+        whole += cut_off_part(bytes(data), whole, most - len(whole), is_cut)
+    return whole
 
 
 def _joined(step: Callable[[int], bytes], most: int) -> bytes:

@@ -20,24 +20,29 @@ _LARGEST_BLOCK = 1 << 17
 _MOST_ODD = 16
 
 
-def cut_off_part(frame: bytes, before: bytes, most: int) -> bytes:
-    """Return the bytes that the last block of a cut-off frame gives up to the cut.
+def cut_off_part(frame: bytes, before: bytes, most: int, is_cut: bool) -> bytes:
+    """Return the bytes that the first block of a frame that no library unpacks gives up to the cut or damage.
+
+    Bytes behind damage may be wrong: it is noticed where a block refers to what is not there.
 
     Args:
         frame: The frame, up to where it is cut off.
-        before: Bytes that its whole blocks give.
+        before: Bytes that the blocks before give.
         most: Bytes at most.
+        is_cut: The frame is cut off; else the block is damaged.
     """
     if frame[:4] != _MAGIC or len(frame) < 7:
         return b""
     flags = frame[4]
+    number, is_within = divmod(len(before), 1 << (8 + 2 * (frame[5] >> 4 & 7)))
     at = 7 + 8 * bool(flags & _HAS_SIZE) + 4 * bool(flags & _HAS_DICTIONARY)
     while at + 4 <= len(frame):
         word = struct.unpack_from("<I", frame, at)[0]
         begin, size = at + 4, word & ~_IS_PLAIN
-        if begin + size > len(frame):
-            data = frame[begin:]
+        if begin + size > len(frame) or not (is_cut or number or is_within):
+            data = frame[begin:begin + size]
             return data[:most] if word & _IS_PLAIN else _decoded(data, before[-_WINDOW:], most)
+        number -= 1
         at = begin + size + 4 * bool(flags & _HAS_CHECKSUMS)
     return b""
 
@@ -68,7 +73,7 @@ def _decoded(data: bytes, window: bytes, most: int) -> bytes:
             back = data[at] | data[at + 1] << 8
             at += 2
             count = min(length(token & 15) + _LEAST_MATCH, max(end - len(out), 0))
-            if not 0 < back <= len(out):
+            if not 0 < back <= len(out) or not count:
                 break
             piece = bytes(out[len(out) - back:len(out) - back + count])
             out += (piece * (count // len(piece) + 1))[:count]

@@ -173,6 +173,8 @@ class LogRecovery:
                 reason = str(error)
         if raw is None:
             raw = decompress_partly(codec, data, size)
+            if reason and len(raw):
+                reason += ", and the last of what it gives may not be as recorded"
         if is_packed:
             self._barren += len(raw)
             try:

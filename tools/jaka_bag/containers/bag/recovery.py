@@ -205,9 +205,10 @@ class BagRecovery(LogRecovery):
             except BagFormatError:
                 pass
         yield from self._pieces(at, end, bytes(raw), next_at, reason and "%s; %d of %d bytes of it were read" % (
-            reason, len(raw), head.size))
+            reason, len(raw), head.size), head.codec != "none")
 
-    def _pieces(self, at: int, end: int, raw: bytes, next_at: int, reason: str) -> Iterator[Stretch]:
+    def _pieces(self, at: int, end: int, raw: bytes, next_at: int, reason: str, is_packed: bool
+                ) -> Iterator[Stretch]:
         """Yield the messages around the damage of an unpacked chunk, or of the decodable beginning of one.
 
         Args:
@@ -216,10 +217,12 @@ class BagRecovery(LogRecovery):
             raw: Its records.
             next_at: First byte of the next chunk.
             reason: The reason why there are no more of them; empty where there are.
+            is_packed: They were unpacked: what a decoder gives behind damage may be made up, and is left out.
         """
         begin = kept = 0
         while begin < len(raw):
             parsed, begin = _up_to_damage(raw, scan(raw, begin))
+            begin = len(raw) if reason and is_packed else begin
             kept += len(parsed.batch)
             yield self._stretch(at, parsed, next_at)
             if begin > parsed.consumed and not (reason and begin == len(raw)):
@@ -232,7 +235,7 @@ class BagRecovery(LogRecovery):
         """Yield the messages of a chunk without a known end; return the end of the file."""
         if codec not in ("none", ""):
             raw, limit = self._unpack(codec, read_at(self.descriptor, start, self.size - start), start)
-            yield from self._pieces(start, self.size, bytes(raw), self.size, limit or reason)
+            yield from self._pieces(start, self.size, bytes(raw), self.size, limit or reason, True)
             return self.size
         at = start
         while at < self.size:

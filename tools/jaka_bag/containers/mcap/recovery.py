@@ -212,7 +212,7 @@ class McapRecovery(LogRecovery):
             if begin >= 0:
                 unpacked, limit = self._unpack(codec, read_at(self.descriptor, at + begin, end - at - begin), at,
                                                is_whole=False)
-                yield from self._pieces(at, end, unpacked, limit or reason)
+                yield from self._pieces(at, end, unpacked, limit or reason, True)
                 return end
         self.lose(at, end, reason)
         return end
@@ -247,14 +247,14 @@ class McapRecovery(LogRecovery):
                 raise BagFormatError("a chunk's length is damaged")
             data = read_at(self.descriptor, at + head.data_start, head.data_size)
             raw, reason = self._unpack(head.codec, data, at, head.size, False)
-            yield from self._pieces(at, self.size, raw, reason or "the last chunk is cut off")
+            yield from self._pieces(at, self.size, raw, reason or "the last chunk is cut off", head.codec != "none")
             return self.size
         region_end = self._region_end(at)
         region = read_at(self.descriptor, at, region_end - at)
         data = memoryview(region)[head.data_start:head.data_start + head.data_size]
         full, reason = self._unpack(head.codec, data, at, head.size)
         if reason:
-            yield from self._pieces(at, end, full, reason)
+            yield from self._pieces(at, end, full, reason, True)
             return region_end
         try:
             offset = offsets_in(index_entries(region, end - at))
@@ -263,7 +263,7 @@ class McapRecovery(LogRecovery):
         try:
             parsed = parse_chunk(full, offset, self._channels)
         except BagFormatError:
-            yield from self._pieces(at, end, full, "")
+            yield from self._pieces(at, end, full, "", False)
             return region_end
         self.misled += parsed.is_misled
         self._has_unchecked |= not head.crc and len(parsed.batch) > 0
@@ -274,7 +274,7 @@ class McapRecovery(LogRecovery):
                       % len(parsed.batch))
         return region_end
 
-    def _pieces(self, at: int, end: int, raw: Buffer, reason: str) -> Iterator[Stretch]:
+    def _pieces(self, at: int, end: int, raw: Buffer, reason: str, is_doubtful: bool) -> Iterator[Stretch]:
         """Yield the messages around the damage of an unpacked chunk, or of the decodable beginning of one.
 
         Args:
@@ -282,6 +282,7 @@ class McapRecovery(LogRecovery):
             end: The byte behind it.
             raw: Its records.
             reason: The reason why there are no more of them; empty where there are.
+            is_doubtful: They end at the first that is damaged: what a decoder gives behind damage may be made up.
         """
         places = Resync(lambda begin, size: raw[begin:begin + size], len(raw), self._channels.known)
         begin = kept = 0
@@ -292,7 +293,7 @@ class McapRecovery(LogRecovery):
             self.learn(parsed.connections)
             kept += len(parsed.batch)
             yield Stretch(at, end, parsed.batch)
-            begin = len(raw) if damage is None else damage.end
+            begin = len(raw) if damage is None or is_doubtful else damage.end
             if damage is not None and not (reason and begin == len(raw)):
                 self.lose(at, end, "bytes %d to %d of the unpacked chunk: %s" % damage)
         if reason:
