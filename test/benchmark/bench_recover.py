@@ -143,7 +143,7 @@ class Totals:
 
 
 def main() -> int:
-    """Damage the files, run all programs on each, print the table; return 1 where a peer keeps more than ours."""
+    """Run all programs on damaged files and print the table; return 1 where a peer keeps a message that ours loses."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--files", type=int, default=200, help="damaged files (default 200)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first one (default 0)")

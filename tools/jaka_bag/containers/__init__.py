@@ -9,6 +9,8 @@ bag           ROS bags, version 2.0
 mcap          MCAP
 rosbag2       rosbag2 folders (MCAP with CDR messages), written
 rosbag2_folder   rosbag2 folders, read by the library rosbags
+rosbag2_reader   the same behind the contract
+ros1_view     a log of other encodings as one of ROS 1
 registry      the formats by content and by suffix: opens, creates, recovers
 time_order    the messages of logs in the order of time
 """

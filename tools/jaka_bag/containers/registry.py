@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Opt
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, open_for_reading, read_at
+from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, is_rosbag2, open_for_reading, read_at
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -52,6 +52,7 @@ FORMATS = (
            "jaka_bag.containers.mcap.active:active_index"),
 )
 _PIECE = 1 << 20
+ROSBAG2_READER = "jaka_bag.containers.rosbag2_reader:Rosbag2Reader"
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 """Writes folders, which have no suffix."""
 
@@ -199,12 +200,15 @@ def file_pieces(file: BinaryIO) -> Iterator[Tuple[int, int, str]]:
 
 
 def open_log(path: PathLike) -> "LogReader":
-    """Open a log by content, whatever its name; close it after use.
+    """Open a log by content, whatever its name, or a rosbag2 folder; close it after use.
 
     Raises:
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
+    if is_rosbag2(path):
+        folder: LogReader = load(ROSBAG2_READER)(path)
+        return folder
     file = open_for_reading(path)
     try:
         entry = detect_format(path, file.fileno())
