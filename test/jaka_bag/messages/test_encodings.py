@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -138,13 +139,14 @@ def test_json_with_a_schema_becomes_columns(tmp_path):
     assert [list(values) for values in fields["values"]] == [[1, 2.5], []]
     assert fields["at.x"][0] == 1 and math.isnan(fields["at.x"][1])
     assert [list(values) for values in fields["path.y"]] == [[6], []]
-    assert json.loads(fields["any"][0]) == {"k": [1]}
+    assert json.loads(fields["any"][0]) == {"k": [1]} and json.loads(fields["self"][0]) == {"count": 1}
     assert main(["export", str(path), "-o", str(tmp_path / "out.npz"), "-q"]) == 0
     assert main(["compare", str(path), str(path)]) == 0
 
 
 @pytest.mark.parametrize("message", [{"count": "x"}, {"count": 2 ** 70, "on": True}, {"count": 1, "on": 5}, [1], 7,
-                                     {"count": 1, "on": True, "values": 3}, {"count": 1.5, "on": True}])
+                                     {"count": 1, "on": True, "values": 3}, {"some": 2 ** 60 + 1},
+                                     {"count": 1.5, "on": True}])
 def test_json_that_does_not_fit_its_schema_is_an_error(tmp_path, message):
     path = json_log(tmp_path / "j.mcap", [message])
     with pytest.raises(DefinitionError, match="does not fit its JSON Schema"):
@@ -179,3 +181,74 @@ def test_one_topic_that_is_not_understood_costs_that_topic(tmp_path, capsys):
         writer.add_message(bad, START_NS, bytes(8))
     assert main(["export", str(path), "-o", str(tmp_path / "out.csv")]) == 1
     assert "/bad" in capsys.readouterr().err and len(list(tmp_path.glob("*.csv"))) == 1
+
+
+def _descriptors():
+    """Return the file descriptors of a message, in an order in which a file comes before one that it needs."""
+    descriptor_pb2 = pytest.importorskip("google.protobuf.descriptor_pb2")
+    from google.protobuf import text_format
+    files = descriptor_pb2.FileDescriptorSet()
+    text_format.Parse("""
+        file { name: "b.proto" package: "t" syntax: "proto3" dependency: "a.proto"
+          message_type { name: "State"
+            field { name: "count" number: 1 label: LABEL_OPTIONAL type: TYPE_INT64 }
+            field { name: "speed" number: 2 label: LABEL_OPTIONAL type: TYPE_DOUBLE }
+            field { name: "name" number: 3 label: LABEL_OPTIONAL type: TYPE_STRING }
+            field { name: "blob" number: 4 label: LABEL_OPTIONAL type: TYPE_BYTES }
+            field { name: "at" number: 5 label: LABEL_OPTIONAL type: TYPE_MESSAGE type_name: ".t.Point" }
+            field { name: "path" number: 6 label: LABEL_REPEATED type: TYPE_MESSAGE type_name: ".t.Point" }
+            field { name: "child" number: 7 label: LABEL_OPTIONAL type: TYPE_MESSAGE type_name: ".t.State" }
+            field { name: "maybe" number: 8 label: LABEL_OPTIONAL type: TYPE_INT32 oneof_index: 0
+                    proto3_optional: true }
+            oneof_decl { name: "_maybe" } } }
+        file { name: "a.proto" package: "t" syntax: "proto3"
+          message_type { name: "Point"
+            field { name: "x" number: 1 label: LABEL_OPTIONAL type: TYPE_FLOAT }
+            field { name: "on" number: 2 label: LABEL_OPTIONAL type: TYPE_BOOL } } }""", files)
+    return files.SerializeToString()
+
+
+def _protobuf_log(path, payloads, descriptors):
+    with McapWriter(path, profile="") as writer:
+        channel = writer.add_channel(Connection(
+            "/p", "t.State", definition=descriptors.decode("utf-8", "surrogateescape"), encoding="protobuf",
+            schema_encoding="protobuf"))
+        for number, payload in enumerate(payloads):
+            writer.add_message(channel, START_NS + number, payload)
+    return path
+
+
+def test_protobuf_becomes_columns(tmp_path, capsys):
+    point = b"\x0d" + struct.pack("<f", 2.5) + b"\x10\x01"
+    first = (b"\x08\x07\x11" + struct.pack("<d", 1.5) + b"\x1a\x03zu7\x22\x02ab\x2a\x07" + point
+             + b"\x32\x07" + point + b"\x32\x00\x3a\x02\x08\x09\x40\x05")
+    path = _protobuf_log(tmp_path / "p.mcap", [first, b""], _descriptors())
+    fields = read_columns(path)["/p"].fields
+    assert fields["count"].tolist() == [7, 0] and fields["speed"].tolist() == [1.5, 0]
+    assert list(fields["name"]) == [b"zu7", b""] and [bytes(b) for b in fields["blob"]] == [b"ab", b""]
+    assert fields["at.x"][0] == 2.5 and math.isnan(fields["at.x"][1]) and math.isnan(fields["at.on"][1])
+    assert [list(values) for values in fields["path.on"]] == [[True, False], []]
+    assert json.loads(fields["child"][0])["count"] == 9
+    assert fields["maybe"][0] == 5 and math.isnan(fields["maybe"][1])
+    assert main(["cat", str(path), "-l", "1"]) == 0
+    assert json.loads(capsys.readouterr().out)["message"]["name"] == "zu7"
+    assert main(["compare", str(path), str(path)]) == 0
+
+
+def test_a_missing_library_costs_the_topics_that_need_it(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "mixed.mcap"
+    with McapWriter(path, profile="") as writer:
+        writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
+        writer.add_message(writer.add_channel(Connection("/p", "t.S", encoding="protobuf", schema_encoding="protobuf")),
+                           START_NS, b"")
+    monkeypatch.setitem(sys.modules, "google.protobuf.descriptor_pool", None)
+    assert main(["export", str(path), "-o", str(tmp_path / "out.csv")]) == 1
+    assert "need the Python package protobuf" in capsys.readouterr().err and len(list(tmp_path.glob("*.csv"))) == 1
+
+
+@pytest.mark.parametrize("cut", [0, 5, 40])
+def test_descriptors_that_cannot_be_read_are_an_error(tmp_path, cut):
+    with pytest.raises(DefinitionError, match="descriptors of t.State cannot be read"):
+        read_columns(_protobuf_log(tmp_path / "p.mcap", [b""], _descriptors()[:cut]))
+    with pytest.raises(DefinitionError, match="cannot be read"):
+        read_columns(_protobuf_log(tmp_path / "q.mcap", [b"\xff"], _descriptors()))

@@ -1,4 +1,4 @@
-"""Messages of other encodings in the form of ROS 1: CDR with definitions of ROS 2, and JSON with a JSON Schema.
+"""Messages of other encodings in the form of ROS 1: CDR with definitions of ROS 2, JSON with a schema, Protobuf.
 
 What reads fields follows ROS 1 definitions and bytes alone; a message of another encoding is brought into that form
 first. ``DefinitionError`` is raised where a definition is not understood or does not describe a message.
@@ -6,7 +6,7 @@ first. ``DefinitionError`` is raised where a definition is not understood or doe
 import functools
 from typing import Callable, Dict, NamedTuple, Optional
 
-from ..errors import DefinitionError
+from ..errors import DefinitionError, MissingDependency
 from .connection import Connection
 from .definitions import MessageType, definition_md5, parse_definition
 
@@ -32,8 +32,7 @@ def ros1_form(connection: Connection) -> Optional[Ros1Form]:
     """Return the ROS 1 form of a connection's messages; None where they are those of ROS 1.
 
     Raises:
-        DefinitionError: They have none, or the definition is not understood.
-        MissingDependency: The library for the encoding is not installed.
+        DefinitionError: They have none, the definition is not understood, or its library is not installed.
     """
     kind = connection.encoding, connection.schema_encoding
     where = "%s (%s)" % (connection.topic, connection.datatype)
@@ -50,7 +49,11 @@ def ros1_form(connection: Connection) -> Optional[Ros1Form]:
             from .json_types import JsonType
             made = JsonType(connection.datatype, connection.definition)
             return Ros1Form(made.name, made.definition, definition_md5(made.name, made.definition), made.to_ros1)
-    except DefinitionError as error:
+        if kind == ("protobuf", "protobuf"):
+            from .protobuf_types import ProtobufType
+            read = ProtobufType(connection.datatype, connection.definition.encode("utf-8", "surrogateescape"))
+            return Ros1Form(read.name, read.definition, definition_md5(read.name, read.definition), read.to_ros1)
+    except (DefinitionError, MissingDependency) as error:
         raise DefinitionError("%s: %s" % (where, error)) from error
     raise DefinitionError("%s: messages encoded as %s, described by %s, cannot be decoded" % (
         where, kind[0] or "nothing known", kind[1] or "nothing"))

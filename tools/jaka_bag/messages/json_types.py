@@ -41,7 +41,9 @@ def _bytes(value: Any) -> bytes:
 
 def _number(value: Any) -> bytes:
     if isinstance(value, str):  # protobuf's JSON writes numbers that are none, and long ones, as texts
-        value = float(value)
+        value = int(value) if value.lstrip("-").isdigit() else float(value)
+    if isinstance(value, int) and int(float(value)) != value:
+        raise ValueError("%d may be missing, and float64 does not hold it exactly" % value)
     return struct.pack("<d", math.nan if value is None else value)
 
 
@@ -65,6 +67,7 @@ class JsonType:
     Args:
         name: Name of the schema.
         schema: JSON Schema, as text.
+        package: Package of the ROS 1 type.
 
     Attributes:
         name: ``package/Type``.
@@ -74,8 +77,8 @@ class JsonType:
         DefinitionError: The schema is not JSON, or does not describe an object.
     """
 
-    def __init__(self, name: str, schema: str) -> None:
-        self.name = "json/" + (re.sub(r"\W", "_", name) or "Message")
+    def __init__(self, name: str, schema: str, package: str = "json") -> None:
+        self.name = package + "/" + (re.sub(r"\W", "_", name) or "Message")
         try:
             self._root: Any = json.loads(schema)
         except (ValueError, RecursionError) as error:
@@ -85,7 +88,7 @@ class JsonType:
         fields = self._resolved(self._root)
         if not isinstance(fields.get("properties"), dict):
             raise DefinitionError("the JSON Schema of %s describes no object with properties" % name)
-        self._write = self._message(self.name, fields, 0)
+        self._write = self._message(self.name, fields, (id(fields),))
         self.definition = ("\n%s\n" % _BREAK).join([self._parts[-1].partition("\n")[2], *self._parts[:-1]])
 
     def to_ros1(self, message: bytes) -> bytes:
@@ -95,7 +98,18 @@ class JsonType:
             DefinitionError: It does not fit the schema.
         """
         try:
-            return self._write(json.loads(message))
+            return self.write(json.loads(message))
+        except (ValueError, RecursionError) as error:
+            raise DefinitionError("a message does not fit its JSON Schema (%s)" % str(error)[:160]) from error
+
+    def write(self, value: Any) -> bytes:
+        """Return the ROS 1 message of a value as ``json`` gives it.
+
+        Raises:
+            DefinitionError: It does not fit the schema.
+        """
+        try:
+            return self._write(value)
         except (ValueError, TypeError, OverflowError, RecursionError, AttributeError, struct.error) as error:
             raise DefinitionError("a message does not fit its JSON Schema (%s)" % str(error)[:160]) from error
 
@@ -111,10 +125,17 @@ class JsonType:
             schema = found
         return schema if isinstance(schema, dict) else {}
 
-    def _message(self, name: str, schema: Dict[str, Any], depth: int) -> Write:
-        """Add the definition of an object; return what writes one."""
+    def _message(self, name: str, schema: Dict[str, Any], above: Tuple[int, ...], is_certain: bool = True) -> Write:
+        """Add the definition of an object; return what writes one.
+
+        Args:
+            name: Name of its type.
+            schema: Its schema.
+            above: Identities of the schemas in which it stands, and its own.
+            is_certain: It is never missing itself.
+        """
         required = schema.get("required")
-        must = set(map(str, required)) if isinstance(required, list) else set()
+        must = set(map(str, required)) if isinstance(required, list) and is_certain else set()
         lines: List[str] = []
         writers: List[Tuple[str, Write]] = []
         used: Dict[str, int] = {}
@@ -126,7 +147,7 @@ class JsonType:
             field = field if re.match("[A-Za-z]", field) else "x" + field
             used[field] = used.get(field, 0) + 1
             field += "" if used[field] == 1 else "_%d" % used[field]
-            kind = self._kind("%s_%s" % (name, field), self._resolved(value), key in must, depth)
+            kind = self._kind("%s_%s" % (name, field), self._resolved(value), key in must, above)
             lines.append("%s %s" % (kind.name, field))
             writers.append((key, kind.write))
         self._parts.append("MSG: %s\n%s\n" % (name, "\n".join(lines)))
@@ -136,7 +157,7 @@ class JsonType:
             return b"".join(one(there.get(key)) for key, one in writers)
         return write
 
-    def _kind(self, name: str, schema: Dict[str, Any], is_required: bool, depth: int) -> _Kind:
+    def _kind(self, name: str, schema: Dict[str, Any], is_required: bool, above: Tuple[int, ...]) -> _Kind:
         types = schema.get("type")
         given = [one for one in types if one != "null"] if isinstance(types, list) else [types]
         one = given[0] if len(given) == 1 else None
@@ -147,10 +168,11 @@ class JsonType:
             return _NUMBER
         if one in _SIMPLE:
             return _SIMPLE[one]
-        if one == "object" and isinstance(schema.get("properties"), dict) and schema["properties"] and depth < _DEEPEST:
-            return _Kind(name, self._message(name, schema, depth + 1))
-        if one == "array" and isinstance(schema.get("items"), dict):
-            inner = self._kind(name, self._resolved(schema["items"]), True, depth + 1)
+        is_fixed = id(schema) not in above and len(above) < _DEEPEST
+        if one == "object" and isinstance(schema.get("properties"), dict) and schema["properties"] and is_fixed:
+            return _Kind(name, self._message(name, schema, (*above, id(schema)), is_certain))
+        if one == "array" and isinstance(schema.get("items"), dict) and schema["items"].get("type") != "array":
+            inner = self._kind(name, self._resolved(schema["items"]), True, above)
             if not inner.name.endswith("]"):
                 return _Kind(inner.name + "[]", _array(inner.write))
         return _TEXT
