@@ -92,7 +92,7 @@ def test_damage_in_the_middle_loses_little(tmp_path, suffix, codec):
     result = recover(path, tmp_path / ("recovered" + suffix))
     found = read(tmp_path / ("recovered" + suffix))
     assert not result.is_whole and result.expected == len(samples)
-    assert set(found) < set(samples) and len(found) > len(samples) * 0.9
+    assert set(found) <= set(samples) and len(found) > len(samples) * 0.9
     assert any(loss.begin <= victim.position < loss.end for loss in result.losses)
 
 

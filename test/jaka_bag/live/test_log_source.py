@@ -120,8 +120,8 @@ def test_damage_is_told_to_the_player(tmp_path):
 
 
 def test_what_is_not_ros_1_is_refused(tmp_path):
-    log = write(tmp_path / "log.mcap", [(Connection("/a", "std_msgs/msg/String", encoding="cdr",
-                                                    schema_encoding="ros2msg"), 5, "x")])
+    log = write(tmp_path / "log.mcap", [(Connection("/a", "std_msgs.String", encoding="protobuf",
+                                                    schema_encoding="protobuf"), 5, "x")])
     with pytest.raises(BagError, match="only ROS 1 messages can be played"):
         LogSource([log])
 

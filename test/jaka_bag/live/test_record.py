@@ -204,6 +204,24 @@ def test_all_regex_and_exclude_choose_topics_that_appear_later(graph):
     assert sorted(content(graph.folder / "regex.mcap")) == ["/arm/a", "/arm/b"]
 
 
+def test_a_topic_that_never_comes_is_named_and_an_empty_recording_is_a_failure(graph):
+    recorder = graph.record("/nothing", "/quiet", "-O", "empty")
+    with graph.publisher("/source") as publisher:
+        with_subscribers(publisher, publisher.advertise("/quiet", twist_connection("/quiet"), False))
+        recorder.wait_for_line("nobody publishes /nothing yet")
+        assert recorder.stop() == 1
+    for line in ("no message on /nothing: nobody published it", "no message on /quiet: its publisher sent none",
+                 "error: nothing was recorded, no message came"):
+        assert line in recorder.output
+    other = graph.record("/nothing", "/a", "-O", "some")
+    with graph.publisher("/source") as publisher:
+        a = publisher.advertise("/a", twist_connection("/a"), False)
+        with_subscribers(publisher, a)
+        publish_numbers(publisher, a, range(1, 6))
+        assert other.stop() == 0
+    assert "no message on /nothing: nobody published it" in other.output
+
+
 def test_node_records_what_a_node_subscribes_to(graph):
     listener = graph.python("import rospy; from std_msgs.msg import String; rospy.init_node('listener'); "
                             "rospy.Subscriber('/heard', String, print); print('up', flush=True); rospy.spin()")
@@ -361,7 +379,7 @@ def test_existing_and_cut_off_files_are_never_overwritten_unasked(graph):
     assert "cut off" in refused.output
     assert (graph.folder / "cut.mcap.active").read_bytes() == b"evidence"
     forced = graph.record("/a", "-O", "log", "--force")
-    assert forced.stop(signal.SIGTERM) == 0
+    assert forced.stop(signal.SIGTERM) == 1  # nothing was recorded
     assert (graph.folder / "log.mcap").read_bytes().startswith(b"\x89MCAP")
 
 
@@ -410,7 +428,7 @@ def test_rosnode_sees_and_ends_the_recorder(graph):
     assert "* /a [unknown type]" in info.output
     kill = graph.start("rosnode", "kill", "/evidence")
     assert kill.wait() == 0
-    assert recorder.wait() == 0, recorder.output
+    assert recorder.wait() == 1, recorder.output  # nobody published
     assert (graph.folder / "log.mcap").exists()
 
 

@@ -120,9 +120,9 @@ def test_types_that_cannot_be_decoded_are_named(tmp_path):
     unknown = Connection("/t", "a/B", "0" * 32, "Other other")
     with pytest.raises(DefinitionError, match="lacks a/Other"):
         read_columns(write(tmp_path / "unknown.bag", [Sample(unknown, START_NS, b"")]))
-    cdr = Connection("/t", "a/msg/B", "", "int32 x", encoding="cdr", schema_encoding="ros2msg")
-    with pytest.raises(DefinitionError, match="encoded as cdr"):
-        read_columns(write(tmp_path / "cdr.mcap", [Sample(cdr, START_NS, bytes(4))]))
+    cbor = Connection("/t", "a.B", "", "int32 x", encoding="cbor", schema_encoding="ros2msg")
+    with pytest.raises(DefinitionError, match="encoded as cbor"):
+        read_columns(write(tmp_path / "cdr.mcap", [Sample(cbor, START_NS, bytes(4))]))
     two = [Sample(STATES, START_NS, bytes(8)),
            Sample(Connection(STATES.topic, "std_msgs/String", "1" * 32, "string data"), START_NS, text("x"))]
     with pytest.raises(DefinitionError, match="different types"):

@@ -34,7 +34,7 @@ from jaka_bag.containers.registry import open_log
 from jaka_bag.engines.conversion import task_of
 from jaka_bag.engines.processes import Processes
 from jaka_bag.engines.tasks import run_tasks
-from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExists
+from jaka_bag.errors import BagFormatError, DefinitionError, OutputExists
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
@@ -206,10 +206,11 @@ def test_a_type_without_ros2_form_leaves_nothing(tmp_path):
     assert os.listdir(str(tmp_path)) == ["log.bag"]
 
 
-def test_a_cdr_mcap_is_no_bag(tmp_path):
+def test_a_cdr_mcap_becomes_a_bag_and_stays_cdr_as_an_mcap(tmp_path):
     convert(write(tmp_path / "log.bag", SAMPLES), tmp_path / "run", profile="ros2")
-    with pytest.raises(BagError, match="ROS 1 messages only"):
-        convert(tmp_path / "run" / "run.mcap", tmp_path / "back.bag")
+    convert(tmp_path / "run" / "run.mcap", tmp_path / "back.bag")
+    assert [(s.connection.topic, s.connection.md5sum, s.time) for s in read(tmp_path / "back.bag")] == [
+        (s.connection.topic, s.connection.md5sum, s.time) for s in in_order(SAMPLES)]
     convert(tmp_path / "run" / "run.mcap", tmp_path / "copy.mcap", selection=Selection(types=["std_msgs/msg/String"]))
     with open_log(tmp_path / "copy.mcap") as reader:
         assert reader.index.profile == "ros2" and reader.message_count == 1

@@ -60,7 +60,7 @@ def _bag_with_chunk(codec: str, stored: bytes, claimed: int) -> bytes:
     return bag.content()
 
 
-def _mcap_with_chunks(codec: str, chunks: List[bytes], claimed: int) -> bytes:
+def mcap_with_chunks(codec: str, chunks: List[bytes], claimed: int) -> bytes:
     out = MAGIC + record(HEADER, text("ros1") + text(""))
     for stored in chunks:
         out += record(CHUNK, struct.pack("<QQQI", 0, 0, claimed, 0) + text(codec)
@@ -129,7 +129,7 @@ def _escapes(path: Path) -> None:
 
 def _empty_payloads(path: Path) -> None:
     raw = b"".join(record(5, struct.pack("<HIQQ", 1, 0, 5, 5)) for _ in range(1000)) * 1000
-    path.write_bytes(_mcap_with_chunks("zstd", [zstd(raw)] * 12, len(raw)))
+    path.write_bytes(mcap_with_chunks("zstd", [zstd(raw)] * 12, len(raw)))
 
 
 def _extras_elsewhere(position: int, size: int) -> Callable[[Path], None]:
@@ -164,12 +164,12 @@ def _two_names_of_one_chunk(path: Path) -> None:
 HOSTILE: Dict[str, Callable[[Path], object]] = {
     "bz2_claims_1000.bag": lambda path: path.write_bytes(_bag_with_chunk("bz2", _bz2_bomb(), 1000)),
     "lz4_claims_1000.bag": lambda path: path.write_bytes(_bag_with_chunk("lz4", frame.compress(BOMB), 1000)),
-    "zstd_claims_1000.mcap": lambda path: path.write_bytes(_mcap_with_chunks("zstd", [zstd(BOMB)], 1000)),
-    "zstd_unsized.mcap": lambda path: path.write_bytes(_mcap_with_chunks("zstd", [zstd(BOMB, False)], 1000)),
-    "zstd_claims_all.mcap": lambda path: path.write_bytes(_mcap_with_chunks("zstd", [zstd(BOMB)], len(BOMB))),
+    "zstd_claims_1000.mcap": lambda path: path.write_bytes(mcap_with_chunks("zstd", [zstd(BOMB)], 1000)),
+    "zstd_unsized.mcap": lambda path: path.write_bytes(mcap_with_chunks("zstd", [zstd(BOMB, False)], 1000)),
+    "zstd_claims_all.mcap": lambda path: path.write_bytes(mcap_with_chunks("zstd", [zstd(BOMB)], len(BOMB))),
     "bz2_claims_4_gb.bag": lambda path: path.write_bytes(_bag_with_chunk("bz2", _bz2_bomb(), 0xFFFFFFFF)),
     "bz2_many.bag": lambda path: path.write_bytes(_bag_with_chunk("bz2", bz2.compress(b"") * 1000, 1000)),
-    "zstd_many.mcap": lambda path: path.write_bytes(_mcap_with_chunks("zstd", [zstd(BOMB[:30 << 20])] * 40, 30 << 20)),
+    "zstd_many.mcap": lambda path: path.write_bytes(mcap_with_chunks("zstd", [zstd(BOMB[:30 << 20])] * 40, 30 << 20)),
     "empty_payloads.mcap": _empty_payloads,
     "doubling.bag": lambda path: _bag_of(path, doubling(), b""),
     "doubling_with_md5.bag": lambda path: _bag_of(path, doubling("0" * 32), b""),

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import List, Optional
 
-from ..containers.rosbag2_folder import is_rosbag2
+from ..containers.index import is_rosbag2
 from ..errors import BagError, UsageError
 from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
@@ -83,14 +83,12 @@ def _line(result: WriteResult) -> str:
 
 
 def _run_rosbag2(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
-    from ..operations.rosbag2 import convert_rosbag2
-
     if args.profile == "ros2":
         raise UsageError("%s is a rosbag2 folder already" % folder)
     resolved = folder.resolve()
     target = Path(output) if output else resolved.with_name("%s.%s" % (resolved.name, args.to))
     with report.progress(folder) as progress:
-        result = convert_rosbag2(_job(args, folder, target, WORKERS), progress)
+        result = convert_file(_job(args, folder, target, WORKERS), progress)
     return report.only(_line(result), result.document(), result.notes)
 
 

@@ -38,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
         documents.append(diagnosis.document())
         for finding in diagnosis.findings:
             report.done("%s: %s: %s" % (path, finding.level, finding.text))
-        report.done("%s: %s" % (path, _VERDICTS[diagnosis.verdict] % diagnosis.messages))
+        is_lost = diagnosis.verdict == DAMAGED and not diagnosis.messages
+        report.done("%s: %s" % (path, "damaged: no message can be read" if is_lost
+                                else _VERDICTS[diagnosis.verdict] % diagnosis.messages))
 
     code = for_each_file(args.files, show)
     report.finish({"files": documents})

@@ -1,9 +1,8 @@
 """``jaka_bag info``: the content of a log, from its index alone; imports no numpy unless --freq asks for it."""
-import os
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
-from ..containers.index import LogIndex
+from ..containers.index import LogIndex, is_rosbag2
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError, UsageError
 from ..log_records import ACCIDENT, DROPS, TRIGGER
@@ -185,12 +184,11 @@ def _losses(account: Dict[str, Any]) -> str:
 
 
 def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
-    if os.path.isdir(path):
-        from ..containers.rosbag2_folder import describe, is_rosbag2
-        if is_rosbag2(path):
-            if freq or seq:
-                raise UsageError("%s is a rosbag2 folder: --freq and --seq are for .bag and .mcap" % path)
-            return describe(path)
+    if is_rosbag2(path):
+        from ..containers.rosbag2_folder import describe
+        if freq or seq:
+            raise UsageError("%s is a rosbag2 folder: --freq and --seq are for .bag and .mcap" % path)
+        return describe(path)
     index = read_index(path)
     document = document_of(index)
     if index.format == "bag" and not index.codecs:

@@ -299,6 +299,20 @@ class LogRecording:
             self.console.always("error: %s" % self.failure)
         return 0 if self.failure is None else 1
 
+    def tell_absent(self) -> int:
+        """Print the topics of the command line that gave no message; return 1 where there was no message at all."""
+        drops = drops_by_topic(self.writer.streams())
+        silent = {topic for topic, account in drops.items() if not account.received}
+        for topic in () if self.args.state_log or self.failure is not None else self.selection.names:
+            if topic in silent:
+                self.console.always("no message on %s: its publisher sent none" % topic)
+            elif topic not in drops:
+                self.console.always("no message on %s: nobody published it" % topic)
+        if self.writer.messages or self.failure is not None:
+            return 0
+        self.console.always("error: nothing was recorded, no message came")
+        return 1
+
     def _tell(self, drops: Dict[str, TopicDrops]) -> None:
         console = self.console
         if self._session.end_reason:
@@ -335,4 +349,5 @@ def record(recorder: LogRecording) -> int:
     if not recorder.run(str(recorder.settings.path(0))):
         return 1
     recorder.sign()
-    return recorder.account()
+    code = recorder.account()
+    return recorder.tell_absent() or code

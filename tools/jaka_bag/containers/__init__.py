@@ -2,13 +2,15 @@
 
 index         the index at a log's end: connections, chunks, totals; without numpy
 compression   the codecs of all formats
-lz4_cut       the beginning of an LZ4 block that is cut off
+cut_blocks    the blocks of a compressed chunk that is cut off
 contract      what every format offers: a reader and a writer, chunks as batches of messages, flat memory
 recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0
 mcap          MCAP
 rosbag2       rosbag2 folders (MCAP with CDR messages), written
 rosbag2_folder   rosbag2 folders, read by the library rosbags
+rosbag2_reader   the same behind the contract
+ros1_view     a log of other encodings as one of ROS 1
 registry      the formats by content and by suffix: opens, creates, recovers
 time_order    the messages of logs in the order of time
 """

@@ -7,20 +7,22 @@ import threading
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
+from .cut_blocks import cut_off_part, zstd_blocks
 from .index import Buffer
-from .lz4_cut import cut_off_part
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
 _CHUNK_FLOOR, _CHUNK_RATIO = 128 << 20, 50
 _FILE_FLOOR, _FILE_RATIO = 8 << 30, 100
-"""Limits of what a chunk, and all chunks of a file, may claim: byte, or a multiple of the stored bytes if larger.
+_BARREN_FLOOR, _BARREN_RATIO = 512 << 20, 10
+"""Limits of what a chunk, all chunks of a file, and all of it that gives no message may claim: byte, or a multiple of
+the stored bytes if larger.
 
-That of a chunk bounds memory, that of a file time and what an output takes.
+That of a chunk bounds memory, that of a file time and what an output takes, that without messages the time for nothing.
 """
 _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
-"""Environment variable, MB, that raises both limits for a file that is trusted."""
+"""Environment variable, MB, that raises all limits for a file that is trusted."""
 
 _PIECE = 4096
 _STEP = 1 << 16
@@ -113,6 +115,7 @@ class Allowance:
 
     def __init__(self, file_size: int) -> None:
         self._limit = _limit(_FILE_FLOOR, _FILE_RATIO, file_size)
+        self._most_barren = _limit(_BARREN_FLOOR, _BARREN_RATIO, file_size)
         self._claimed: Dict[int, int] = {}
         self._total = 0
         self._lock = threading.Lock()
@@ -128,6 +131,16 @@ class Allowance:
             self._claimed[position] = size
             if self._total > self._limit:
                 raise _limit_reached("its chunks up to here are", self._total, self._limit)
+
+
+    def check_barren(self, size: int) -> None:
+        """Check the bytes that chunks unpacked to without giving messages.
+
+        Raises:
+            LimitReached: They are too many for another chunk.
+        """
+        if size > self._most_barren:
+            raise _limit_reached("chunks without messages are", size, self._most_barren)
 
 
 def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
@@ -206,8 +219,9 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
     if codec in ("none", ""):
         return bytes(data) if size is None else bytes(data[:size])
     if codec == "zstd":
-        stream = _import("zstandard", "zstd").ZstdDecompressor().stream_reader(data)
-        return _joined(lambda left: stream.read(min(_STEP, left)), most)
+        zstd = _import("zstandard", "zstd").ZstdDecompressor().decompressobj()
+        blocks = zstd_blocks(bytes(data))
+        return _joined(lambda left: next((part for part in map(zstd.decompress, blocks) if part), b""), most)[:most]
     decoder: Any
     if codec == "lz4":
         decoder = _import("lz4.frame", "lz4").LZ4FrameDecompressor()
@@ -230,7 +244,9 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
         return part
 
     whole = _joined(step, most)
-    return whole + cut_off_part(bytes(data), whole, most - len(whole)) if is_cut and codec == "lz4" else whole
+    if codec == "lz4" and not decoder.eof and len(whole) < most:
+        whole += cut_off_part(bytes(data), whole, most - len(whole), is_cut)
+    return whole
 
 
 def _joined(step: Callable[[int], bytes], most: int) -> bytes:

@@ -132,9 +132,11 @@ class LogReader:
         index: Index of the log.
         connections: Its connections; batches refer to them by position.
         chunks: Its chunks in the order of the file.
+        advice: Returns the text of an error without the advice to recover the log where that finds no message.
     """
 
     def __init__(self, file: BinaryIO, index: LogIndex) -> None:
+        self.advice: Callable[[str], str] = str
         self._file = file
         self.index = index
         self.path = index.path
@@ -170,8 +172,8 @@ class LogReader:
         except (LimitReached, NotSupported) as error:
             raise type(error)("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
         except BagFormatError as error:
-            raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
-                                 % (self.path, chunk.position, error)) from error
+            raise BagFormatError(self.advice("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)" % (
+                self.path, chunk.position, error))) from error
 
     def index_of_records(self) -> LogIndex:
         """Return the index with the counts and times of the records, which are all read.

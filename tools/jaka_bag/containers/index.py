@@ -8,6 +8,8 @@ from ..errors import BagError
 from ..messages.connection import Connection
 from ..paths import PathLike
 
+METADATA = "metadata.yaml"
+"""The file that makes a folder one of rosbag2."""
 Buffer = Union[bytes, bytearray, memoryview]
 
 
@@ -81,7 +83,7 @@ class LogIndex(NamedTuple):
     """The index of one log.
 
     Attributes:
-        format: ``bag`` or ``mcap``.
+        format: ``bag``, ``mcap`` or ``rosbag2``.
         version: Version of the format.
         path: The file.
         size: byte.
@@ -154,12 +156,17 @@ class IndexTotals:
         return bool(self.counts) and (self.start_time, self.end_time) != (start_time, end_time)
 
 
+def is_rosbag2(path: PathLike) -> bool:
+    """Return whether a path is a rosbag2 folder."""
+    return os.path.isfile(os.path.join(str(path), METADATA))
+
+
 def _what_is_there(path: str) -> str:
     """Return a word for a path that is no plain file."""
     if not os.path.isdir(path):
         return "no plain file"
     names = os.listdir(path)
-    if "metadata.yaml" in names:
+    if METADATA in names:
         return "a rosbag2 folder (jaka_bag convert makes a log of it)"
     is_part = any(name.endswith((".db3", ".mcap")) for name in names)
     return "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" if is_part else "a folder"

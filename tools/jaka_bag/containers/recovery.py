@@ -1,25 +1,48 @@
 """The interface for the recovery of damaged logs of any format."""
 import functools
-from typing import Dict, Iterator, List, NamedTuple, Optional
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
-from ..errors import BagFormatError, DefinitionError
+from ..errors import BagFormatError, DefinitionError, LimitReached
 from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
-from .compression import Allowance, decompress_partly
+from .compression import Allowance, decompress, decompress_partly
 from .index import AttachmentIndex, Buffer, MetadataIndex
 
 
 class Loss(NamedTuple):
-    """A stretch of the file, from byte ``begin`` to before ``end``, that could not be read, or not be trusted."""
+    """A stretch of the file that could not be read, or not be trusted.
+
+    Attributes:
+        begin: Its first byte.
+        end: The byte behind it.
+        reason: The reason, for users.
+        after: Log time, ns, of the last message that was read before it; None where there is none.
+        until: Log time, ns, of the first message that was read behind it; None where there is none.
+    """
 
     begin: int
     end: int
     reason: str
+    after: Optional[int] = None
+    until: Optional[int] = None
 
     def describe(self) -> str:
-        """Return the loss as one line."""
-        return "bytes %d to %d: %s" % (self.begin, self.end, self.reason)
+        """Return the loss as one line; times are in s."""
+        place = "bytes %d to %d" % (self.begin, self.end)
+        if self.after is not None and self.until is not None:
+            place += ", %s s between the messages of %s and %s" % (
+                _seconds(self.until - self.after), _seconds(self.after), _seconds(self.until))
+        elif self.after is not None:
+            place += ", behind the message of %s" % _seconds(self.after)
+        elif self.until is not None:
+            place += ", before the message of %s" % _seconds(self.until)
+        return "%s: %s" % (place, self.reason)
+
+
+def _seconds(time: int) -> str:
+    """Return a time, ns, in s with the digits that a float lacks."""
+    return "%s%d.%06d" % (("-" if time < 0 else ""), *divmod(abs(time) // 1000, 1000000))
 
 
 class Stretch(NamedTuple):
@@ -36,6 +59,10 @@ class Stretch(NamedTuple):
     end: int
     batch: MessageBatch
     is_loose: bool = False
+
+
+_MESSAGE_HEAD = 40
+"""Bytes around a message's payload in a chunk, about."""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -76,6 +103,10 @@ class LogRecovery:
         self.allowance = Allowance(size)
         self.misled = 0
         self.notes: List[str] = []
+        self._open = 0  # losses behind which messages were read
+        self._last_time: Optional[int] = None
+        self._barren = 0  # bytes that chunks unpacked to without giving messages
+        self._limit = ""  # how the limit of the whole file was reached
 
     def learn(self, connections: Dict[int, Connection]) -> None:
         """Take up descriptions of connections; of several of one connection an intact one is kept."""
@@ -85,11 +116,25 @@ class LogRecovery:
                 self.connections[file_id] = connection
 
     def lose(self, begin: int, end: int, reason: str) -> None:
-        """Note a loss."""
-        self.losses.append(Loss(begin, end, reason))
+        """Note a loss between the messages yielded before and those after; it may continue the one before."""
+        if self._open < len(self.losses) and self.losses[-1][1:3] == (begin, reason):
+            self.losses[-1] = self.losses[-1]._replace(end=end)
+            return
+        self.losses.append(Loss(begin, end, reason, self._last_time))
 
     def stretches(self) -> Iterator[Stretch]:
         """Yield all readable messages, in the order of the file."""
+        for stretch in self._stretches():
+            batch = stretch.batch
+            if len(batch):
+                first = int(batch.log_time[0])
+                self.losses[self._open:] = [loss._replace(until=first) for loss in self.losses[self._open:]]
+                self._open, self._last_time = len(self.losses), int(batch.log_time[-1])
+                self._barren = max(self._barren - int(batch.length.sum()) - _MESSAGE_HEAD * len(batch), 0)
+            yield stretch
+
+    def _stretches(self) -> Iterator[Stretch]:
+        """Yield all readable messages and note the losses, both in the order of the file."""
         raise NotImplementedError
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
@@ -100,14 +145,44 @@ class LogRecovery:
         """Return the content of one of ``metadata``."""
         raise NotImplementedError
 
-    def _partly(self, codec: str, data: Buffer, at: int, size: Optional[int] = None) -> bytes:
-        """Decompress as much as possible of a damaged chunk, which claims ``size`` bytes (None: no claim)."""
-        raw = decompress_partly(codec, data, size)
+    def _unpack(self, codec: str, data: Buffer, at: int, size: Optional[int] = None, is_whole: bool = True
+                ) -> Tuple[Buffer, str]:
+        """Return what a chunk unpacks to, or the decodable beginning of it, and the reason where it is not all.
+
+        Args:
+            codec: Its codec.
+            data: Its bytes that there are.
+            at: Its position.
+            size: Bytes that it claims to unpack to; None for no claim.
+            is_whole: All its bytes are there.
+        """
+        is_packed = codec not in ("none", "")
         try:
-            self.allowance.take(at, len(raw))
-        except BagFormatError:
-            return b""
-        return raw
+            if is_packed and not self._limit:
+                self.allowance.check_barren(self._barren)
+        except LimitReached as error:
+            self._limit = str(error)
+        if is_packed and self._limit:
+            return b"", self._limit
+        raw: Optional[Buffer] = None
+        reason = ""
+        if is_whole and size is not None:
+            try:
+                raw = decompress(codec, data, size)
+            except BagFormatError as error:
+                reason = str(error)
+        if raw is None:
+            raw = decompress_partly(codec, data, size)
+            if reason and len(raw):
+                reason += ", and the last of what it gives may not be as recorded"
+        if is_packed:
+            self._barren += len(raw)
+            try:
+                self.allowance.take(at, len(raw))
+            except LimitReached as error:
+                self._limit = str(error)
+                return b"", self._limit
+        return raw, reason
 
     def _skip_damage(self, at: int, reason: str) -> int:
         """Record the damage at a position as lost; return the start of the next chunk, or the file's end."""

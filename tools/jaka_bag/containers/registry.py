@@ -1,11 +1,11 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
 import importlib
 import os
-from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, open_for_reading, read_at
+from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, is_rosbag2, open_for_reading, read_at
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -52,6 +52,7 @@ FORMATS = (
            "jaka_bag.containers.mcap.active:active_index"),
 )
 _PIECE = 1 << 20
+ROSBAG2_READER = "jaka_bag.containers.rosbag2_reader:Rosbag2Reader"
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 """Writes folders, which have no suffix."""
 
@@ -88,12 +89,35 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
         index: LogIndex = load(entry.records).read_index(path, descriptor) or load(entry.walk)(path, descriptor)
     except BagFormatError as error:
         if not (entry.active and str(path).endswith(".active")):
-            raise BagFormatError("%s: %s" % (path, error)) from error
+            raise BagFormatError("%s: %s" % (path, _with_true_hint(entry, path, str(error)))) from error
         try:
             index = load(entry.active)(path, descriptor)
         except BagFormatError as damage:
-            raise BagFormatError("%s: %s" % (path, damage)) from damage
+            raise BagFormatError("%s: %s" % (path, _with_true_hint(entry, path, str(damage)))) from damage
     return index
+
+
+def _keeps_any(entry: Format, path: PathLike) -> bool:
+    """Return whether the recovery of a log finds a message; it ends with the first one."""
+    ids: Set[int] = set()
+    try:
+        with open_for_reading(path) as file:
+            recovery: LogRecovery = load(entry.recovery)(file.fileno(), os.fstat(file.fileno()).st_size)
+            for stretch in recovery.stretches():
+                ids.update(stretch.batch.connection.tolist())
+                if ids & recovery.connections.keys():
+                    return True
+            return bool(ids & recovery.connections.keys())
+    except BagError:
+        return False
+
+
+def _with_true_hint(entry: Format, path: PathLike, text: str) -> str:
+    """Return the text of an error without the advice to recover the log where that finds no message."""
+    advice = text.find(" (jaka_bag recover")
+    if advice < 0 or _keeps_any(entry, path):
+        return text
+    return text[:advice] + " (no message of it can be read)"
 
 
 def _believable(entry: Format, path: PathLike, file: BinaryIO, index: LogIndex) -> LogIndex:
@@ -176,17 +200,21 @@ def file_pieces(file: BinaryIO) -> Iterator[Tuple[int, int, str]]:
 
 
 def open_log(path: PathLike) -> "LogReader":
-    """Open a log by content, whatever its name; close it after use.
+    """Open a log by content, whatever its name, or a rosbag2 folder; close it after use.
 
     Raises:
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
+    if is_rosbag2(path):
+        folder: LogReader = load(ROSBAG2_READER)(path)
+        return folder
     file = open_for_reading(path)
     try:
         entry = detect_format(path, file.fileno())
         index = _believable(entry, path, file, _index_of(entry, path, file.fileno()))
         reader: LogReader = load(entry.reader)(file, index)
+        reader.advice = lambda text: _with_true_hint(entry, path, text)
     except BaseException:
         file.close()
         raise

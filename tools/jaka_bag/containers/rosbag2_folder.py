@@ -9,15 +9,10 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 from ..errors import BagError, DefinitionError, MissingDependency
 from ..messages.connection import Connection
+from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
-
-METADATA = "metadata.yaml"
-
-
-def is_rosbag2(path: PathLike) -> bool:
-    """Return whether a path is a rosbag2 folder."""
-    return os.path.isfile(os.path.join(str(path), METADATA))
+from .index import METADATA
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:
@@ -50,12 +45,12 @@ def describe(folder: PathLike) -> Dict[str, Any]:
 def _is_latched(profiles: Any) -> bool:
     """Return whether one of the offered qualities of service keeps messages for late subscribers."""
     if isinstance(profiles, str):  # as YAML, in older versions of rosbags
-        return "durability: 1\n" in profiles + "\n" or "durability: transient_local" in profiles
+        return is_transient_local(profiles)
     return any(getattr(profile.durability, "name", "") == "TRANSIENT_LOCAL" for profile in profiles)
 
 
 class Rosbag2Folder:
-    """A rosbag2 folder open for reading, as ROS 1 sees it; a context manager.
+    """A rosbag2 folder as ROS 1 sees it; it is open only while messages are read.
 
     Args:
         folder: The folder.
@@ -63,36 +58,32 @@ class Rosbag2Folder:
     Attributes:
         connections: Those whose types ROS 1 can have.
         left_out: Parts that are not read, one line each.
-        start_time: Earliest log time, ns; None without messages.
-        end_time: Latest log time, ns; None without messages.
-        message_count: Messages of ``connections``.
 
     Raises:
+        DefinitionError: There are messages, and ROS 1 can have none of them.
         MissingDependency: rosbags is not installed.
     """
 
     def __init__(self, folder: PathLike) -> None:
         try:
-            rosbag2 = importlib.import_module("rosbags.rosbag2")
+            self._library = importlib.import_module("rosbags.rosbag2")
         except ImportError:
             raise MissingDependency("rosbag2 folders need the Python package rosbags") from None
         self.folder = str(folder)
-        facts = describe(folder)
-        self.start_time: Optional[int] = facts["start_ns"]
-        self.end_time: Optional[int] = facts["end_ns"]
+        describe(folder)  # says in one line what is wrong with it
         self.connections: List[Connection] = []
         self.left_out: List[str] = []
-        self.message_count = 0
         self._types: Dict[str, Ros1Type] = {}
         self._numbers: Dict[Any, int] = {}
-        self._wanted: List[Any] = []
         try:
-            self._reader: Any = rosbag2.Reader(Path(folder))
-            self._reader.open()
+            with self._library.Reader(Path(folder)) as reader:
+                sources = list(reader.connections)
         except Exception as error:  # ReaderError, OSError, errors of sqlite3: whatever the storage meets
             raise BagError("%s: %s" % (folder, error)) from error
-        for source in self._reader.connections:
+        for source in sources:
             self._take(source)
+        if self.left_out and not self.connections:
+            raise DefinitionError("%s: %s" % (folder, "; ".join(self.left_out)))
 
     def _take(self, source: Any) -> None:
         text = getattr(source.msgdef, "data", source.msgdef) or ""
@@ -105,23 +96,30 @@ class Rosbag2Folder:
             return
         kind = self._types[source.msgtype]
         self._numbers[source.id] = len(self.connections)
-        self._wanted.append(source)
-        self.message_count += source.msgcount
         self.connections.append(Connection(source.topic, ros1_name(source.msgtype), kind.md5sum, kind.definition,
                                            latching=_is_latched(source.ext.offered_qos_profiles)))
 
-    def messages(self) -> Iterator[Tuple[int, int, bytes]]:
-        """Yield (number of the connection, log time in ns, ROS 1 message) of each message, in the order of time."""
+    def messages(self, start: Optional[int] = None, stop: Optional[int] = None) -> Iterator[Tuple[int, int, bytes]]:
+        """Yield (number of the connection, log time in ns, ROS 1 message) of each message, in the order of time.
+
+        Several threads may call it at once.
+
+        Args:
+            start: Earliest log time, ns; None for no limit.
+            stop: The first log time, ns, that is not wanted; None for no limit.
+        """
+        for source, log_time, raw in self._raw_messages(start, stop):
+            yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)
+
+    def times(self) -> Iterator[Tuple[int, int]]:
+        """Yield (number of the connection, log time in ns) of each message."""
+        for source, log_time, _ in self._raw_messages(None, None):
+            yield self._numbers[source.id], log_time
+
+    def _raw_messages(self, start: Optional[int], stop: Optional[int]) -> Iterator[Tuple[Any, int, bytes]]:
         try:
-            for source, log_time, raw in self._reader.messages(self._wanted) if self._wanted else ():
-                yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)
-        except BagError:
-            raise
+            with self._library.Reader(Path(self.folder)) as reader:  # its databases are of the thread that opens them
+                wanted = [source for source in reader.connections if source.id in self._numbers]
+                yield from reader.messages(wanted, start=start, stop=stop) if wanted else ()
         except Exception as error:
             raise BagError("%s: %s" % (self.folder, error)) from error
-
-    def __enter__(self) -> "Rosbag2Folder":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._reader.close()

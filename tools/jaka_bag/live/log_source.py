@@ -7,6 +7,7 @@ import numpy as np
 
 from ..containers.contract import LogReader
 from ..containers.registry import open_log
+from ..containers.ros1_view import as_ros1_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError
 from ..messages.batch import Array, distinct
@@ -66,7 +67,7 @@ class LogSource:
         begins, ends = [], []
         try:
             for path in paths:
-                reader = open_log(path)
+                reader = open_log(path) if is_any_encoding else as_ros1_log(open_log(path))
                 self._readers.append(reader)
                 self._numbers.append(self._number(reader))
                 if reader.index.start_time is not None and reader.index.end_time is not None:

@@ -24,6 +24,8 @@ _STATISTICS_WAIT_S = 1.5
 _DRAIN_S = 0.5
 _POLL_S = 0.1
 _LOSS_NOTICE_PERIOD_S = 10.0
+_ABSENT_NOTICE_S = 5.0
+"""Time, s, after which topics that are asked for by name and not published are named."""
 _INTERFACE_PERIOD_S = 0.5
 REGISTRATION_PERIOD_S = 1.0
 """Time between two looks for a master that was restarted, s."""
@@ -150,6 +152,7 @@ class RecordingSession:
         assert self._transport is not None
         statistics_at = time.monotonic() + _STATISTICS_PERIOD_S
         loss_notice_at = 0.0
+        absent_notice_at = time.monotonic() + _ABSENT_NOTICE_S
         while True:
             try:
                 self._look_at_graph(self._transport)
@@ -174,6 +177,9 @@ class RecordingSession:
             if now >= loss_notice_at:
                 loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
                 self._notice_overflow()
+            if now >= absent_notice_at:
+                absent_notice_at = float("inf")
+                self._notice_absent()
             if self.stop.wait(_WATCH_PERIOD_S):
                 with contextlib.suppress(ConnectionLost, ProtocolError):
                     self._look_for_publishers(self._transport)
@@ -241,6 +247,12 @@ class RecordingSession:
         if self._noticed.get(key) != text:
             self._noticed[key] = text
             self._notice(text)
+
+    def _notice_absent(self) -> None:
+        there = {stream.connection.topic for stream in self._recorder.streams()}
+        absent = [topic for topic in self._selection.names if topic not in there]
+        if absent and self._selection.interface_of is None:
+            self._notice("nobody publishes %s yet" % ", ".join(absent))
 
     def _notice_overflow(self) -> None:
         lost = sum(stream.overflowed for stream in self._recorder.streams())

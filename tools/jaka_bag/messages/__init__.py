@@ -9,6 +9,9 @@ values        one message as Python values
 value_writer  values as one message
 decoding      single messages as data for JSON
 columns       fields of messages as numpy columns
+encodings     messages of other encodings (CDR, JSON, Protobuf) in the form of ROS 1
+json_types    JSON messages as those of ROS 1, by their JSON Schema
+protobuf_types  Protobuf messages as those of ROS 1, by their descriptors
 ros2_types    ROS 2 definitions, type hashes and single CDR messages, by the library rosbags
 cdr           ROS 1 messages to CDR, many at once
 table_names   names of topics for files, members of archives and views, no two of which meet

@@ -1,5 +1,5 @@
 """Many messages in few numpy arrays: the form that readers, filters and writers share."""
-from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -125,6 +125,15 @@ def concatenate(batches: Sequence[MessageBatch]) -> MessageBatch:
     return MessageBatch(data, start, length, np.concatenate([b.connection for b in batches]),
                  np.concatenate([b.log_time for b in batches]), np.concatenate([b.publish_time for b in batches]),
                  np.concatenate([b.sequence for b in batches]))
+
+
+def converted(batch: MessageBatch, which: Array, convert: Callable[[bytes], bytes]) -> MessageBatch:
+    """Return the messages at some positions of a batch, each converted, in a buffer of their own."""
+    taken = batch.take(which)
+    made = [convert(batch.data[at:at + size].tobytes())
+            for at, size in zip(taken.start.tolist(), taken.length.tolist())]
+    length = np.array(list(map(len, made)), np.int64)
+    return taken.replace(data=np.frombuffer(b"".join(made), np.uint8), start=np.cumsum(length) - length, length=length)
 
 
 def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:

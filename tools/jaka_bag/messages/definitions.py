@@ -6,7 +6,6 @@ import hashlib
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import DefinitionError
-from .connection import Connection
 
 PRIMITIVE_SIZES = {
     "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4,
@@ -117,22 +116,6 @@ def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
             lines.append(line)
     _check_closed(datatype, types, (), {})
     return types
-
-
-def types_of(connection: Connection) -> Dict[str, MessageType]:
-    """Return the types of a connection's messages, as ``parse_definition`` does.
-
-    Raises:
-        DefinitionError: The messages are not those of ROS 1, or the definition is not understood.
-    """
-    where = "%s (%s)" % (connection.topic, connection.datatype)
-    if connection.encoding != "ros1" or connection.schema_encoding != "ros1msg":
-        raise DefinitionError("%s: messages encoded as %s, described by %s, cannot be decoded" % (
-            where, connection.encoding or "nothing known", connection.schema_encoding or "nothing"))
-    try:
-        return parse_definition(connection.datatype, connection.definition)
-    except DefinitionError as error:
-        raise DefinitionError("%s: %s" % (where, error)) from error
 
 
 def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...],

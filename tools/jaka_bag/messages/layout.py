@@ -8,9 +8,10 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ..errors import DefinitionError
-from .batch import Array, MessageBatch, distinct, rows
+from .batch import Array, MessageBatch, converted, distinct, rows
 from .connection import Connection
-from .definitions import PRIMITIVE_SIZES, MessageType, types_of
+from .definitions import PRIMITIVE_SIZES, MessageType
+from .encodings import as_ros1, ros1_form, types_of
 
 _U32 = struct.Struct("<I")
 _MAX_CACHED = 256
@@ -167,7 +168,8 @@ class LayoutFinder:
 
     def __init__(self, connection: Connection) -> None:
         self._topic = connection.topic
-        self._datatype = connection.datatype
+        self._form = ros1_form(connection)
+        self._datatype = as_ros1(connection).datatype
         self._types = types_of(connection)
         self._known: Dict[int, List[Layout]] = {}
         self._count = 0
@@ -184,7 +186,18 @@ class LayoutFinder:
                      if name in layout.leaves), None)
 
     def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
-        """Yield the messages at positions ``which`` of a batch, by layout."""
+        """Yield the messages at positions ``which`` of a batch, by layout; those of another encoding as ROS 1's."""
+        if self._form is not None:
+            try:
+                made = converted(batch, which, self._form.convert)
+            except DefinitionError as error:
+                raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
+            for group in self._groups(made, np.arange(len(made))):
+                yield group._replace(which=which[group.which])
+        else:
+            yield from self._groups(batch, which)
+
+    def _groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
         length = batch.length[which]
         for size in distinct(length).tolist():
             rest = which[length == size]

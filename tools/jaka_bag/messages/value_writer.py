@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Tuple
 from ..errors import DefinitionError
 from ..units import NS_PER_S
 from .connection import Connection
-from .definitions import types_of
+from .encodings import ros1_form, types_of
 from .values import CODES, STAMPS
 
 _U32 = struct.Struct("<I")
@@ -39,6 +39,9 @@ class ValueWriter:
     def __init__(self, connection: Connection) -> None:
         self._datatype = connection.datatype
         self._types = types_of(connection)
+        if ros1_form(connection) is not None:
+            raise DefinitionError("%s: messages encoded as %s are not written" % (
+                connection.topic, connection.encoding))
 
     def write(self, value: Dict[str, Any]) -> bytes:
         """Return the bytes of a message; times are pairs as ``exact_time`` gives them.

@@ -7,7 +7,8 @@ from typing import Any, Callable, Dict, List, Tuple
 
 from ..errors import DefinitionError
 from .connection import Connection
-from .definitions import PRIMITIVE_SIZES, MessageType, types_of
+from .definitions import PRIMITIVE_SIZES, MessageType
+from .encodings import as_ros1, ros1_form, types_of
 
 CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
          "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"}
@@ -39,7 +40,8 @@ class ValueReader:
     """
 
     def __init__(self, connection: Connection, make_time: MakeTime = in_seconds, errors: str = "replace") -> None:
-        self._datatype = connection.datatype
+        self._form = ros1_form(connection)
+        self._datatype = as_ros1(connection).datatype
         self._types = types_of(connection)
         self._make_time = make_time
         self._errors = errors
@@ -61,6 +63,7 @@ class ValueReader:
 
     def read(self, raw: bytes) -> Dict[str, Any]:
         """Return the values of one message, by the names of its fields."""
+        raw = raw if self._form is None else self._form.convert(raw)
         try:
             values, end = self._message(self._types[self._datatype], raw, 0)
         except struct.error:

@@ -6,7 +6,6 @@ merge       several logs into one
 split       one log into several
 recover     a damaged log into a whole one
 timing      rate, jitter and gaps of messages
-rosbag2     a rosbag2 folder into a log of ROS 1 messages
 usage       the bytes of each topic
 diagnosis   is a log whole, and if not, why not
 extras      attachments and metadata: added, taken out

@@ -15,6 +15,7 @@ from ..errors import BagError, DefinitionError
 from ..messages.batch import MessageBatch, distinct
 from ..messages.columns import Columns, Part, columns_of, part_of
 from ..messages.connection import Connection
+from ..messages.encodings import described
 from ..messages.layout import Group, LayoutFinder, Leaf
 from ..messages.selection import MessageFilter, Selection
 from ..paths import PathLike
@@ -64,10 +65,11 @@ class ColumnReader:
         for number, connection in enumerate(reader.connections):
             if not self._filter.wanted[number] or (not counts[number] and connection.topic in self.connections):
                 continue
-            first = self.connections.setdefault(connection.topic, connection)
-            if (first.datatype, first.md5sum) != (connection.datatype, connection.md5sum):
+            plain = described(connection)
+            first = self.connections.setdefault(connection.topic, plain)
+            if (first.datatype, first.md5sum) != (plain.datatype, plain.md5sum):
                 raise DefinitionError("%s holds messages of different types: %s and %s"
-                                      % (connection.topic, first.datatype, connection.datatype))
+                                      % (connection.topic, first.datatype, plain.datatype))
             self._finders[number] = LayoutFinder(connection)
 
     def groups(self, batch: MessageBatch) -> Iterator[Tuple[str, Group]]:
@@ -144,7 +146,7 @@ def read_columns(path: PathLike, topics: Optional[Sequence[str]] = None,
     """Read the messages of a log as columns, by topic; a topic without messages has no entry.
 
     Args:
-        path: A .bag or .mcap of ROS 1 messages.
+        path: A .bag, an .mcap or a rosbag2 folder.
         topics: Topics to decode; None for all.
         selection: The wanted messages, where more than topics matters.
 

@@ -25,6 +25,7 @@ from ..containers.contract import EncodedChunk, LogReader, LogWriter
 from ..containers.index import ChunkRef
 from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
+from ..containers.ros1_view import as_ros1_log
 from ..containers.time_order import HELD_BYTES, Source, gathered, in_time_order
 from ..errors import BagError, DefinitionError, UsageError
 from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_of
@@ -339,7 +340,10 @@ def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteRes
     """
     begin = time.monotonic()
     refuse_same_file(job.source, job.target)
-    with open_log(job.source) as reader:
+    with open_log(job.source) as log:
+        is_for_ros1 = str(job.target).endswith(".bag") or job.profile == "ros2"
+        is_foreign = any(connection.encoding != "ros1" for connection in log.connections)
+        reader = as_ros1_log(log) if is_for_ros1 and is_foreign else log
         index = reader.index
         missing = require_match(job.selection, reader.connections, job.source)
         selection = job.span.apply(job.selection, index.start_time, index.end_time)

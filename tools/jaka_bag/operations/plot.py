@@ -10,6 +10,7 @@ from ..errors import BagError, MissingDependency
 from ..messages.batch import Array
 from ..messages.columns import Columns
 from ..messages.connection import Connection
+from ..messages.encodings import described
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
@@ -223,7 +224,7 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
 def fields_to_draw(connections: Iterable[Connection]) -> Dict[str, Container[str]]:
     """Return, for the topics that a sketch without fields of its own may draw, the fields that it needs."""
     wanted: Dict[str, Container[str]] = {}
-    for connection in connections:
+    for connection in map(described, connections):
         if connection.datatype == JOINT_TYPE:
             wanted[connection.topic] = ("position", "name")
         elif connection.datatype in POSE_FIELDS:

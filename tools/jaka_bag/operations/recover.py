@@ -16,6 +16,9 @@ from ..paths import PathLike
 from .convert import OnProgress, add_channels, copy_extras, refuse_same_file, size_of, with_md5, write_in_order
 
 _MAX_PIECE = 4 << 20
+ACCOUNT = "jaka_bag.recovery"
+"""Name of the metadata with the losses that a recovered MCAP has."""
+_MOST_IN_ACCOUNT = 1000
 
 
 class Recovered(NamedTuple):
@@ -80,7 +83,7 @@ def _write(recovery: LogRecovery, writer: LogWriter, unknown: Dict[int, int],
 
 def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional[str], level: Optional[int],
              overwrite: bool, known: Dict[int, Connection], on_progress: Optional[OnProgress]
-             ) -> Tuple[LogRecovery, int, Dict[int, int]]:
+             ) -> Tuple[LogRecovery, int, Tuple[Loss, ...]]:
     recovery = open_damaged(path, descriptor)
     for file_id, connection in known.items():
         recovery.connections.setdefault(file_id, connection)
@@ -95,7 +98,14 @@ def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional
             return _attempt(path, descriptor, target, compression, level, overwrite, dict(recovery.connections),
                             on_progress)
         copy_extras(recovery, writer)
-    return recovery, written, unknown
+        losses = (*recovery.losses, *(
+            Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
+            for file_id, count in unknown.items()))
+        if losses and writer.capabilities.metadata:
+            writer.add_metadata(ACCOUNT, {
+                "source": Path(path).name, "messages": str(written),
+                **{"lost %d" % number: loss.describe() for number, loss in enumerate(losses[:_MOST_IN_ACCOUNT], 1)}})
+    return recovery, written, losses
 
 
 def recover(source: PathLike, target: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
@@ -117,12 +127,9 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
     begin = time.monotonic()
     refuse_same_file(source, target)
     with open_for_reading(source) as file:
-        recovery, written, unknown = _attempt(str(source), file.fileno(), target, compression, level, overwrite, {},
-                                              on_progress)
-    losses = recovery.losses + [
-        Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
-        for file_id, count in unknown.items()]
-    return Recovered(str(target), written, recovery.expected, tuple(losses), size_of(target),
+        recovery, written, losses = _attempt(str(source), file.fileno(), target, compression, level, overwrite, {},
+                                             on_progress)
+    return Recovered(str(target), written, recovery.expected, losses, size_of(target),
                      time.monotonic() - begin, tuple(recovery.notes))
 
 

@@ -16,7 +16,8 @@ from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, MessageBatch, distinct
 from ...messages.columns import Columns, Part, columns_of
-from ...messages.definitions import definition_md5, types_of
+from ...messages.definitions import definition_md5
+from ...messages.encodings import described, types_of
 from ...messages.selection import Selection
 from ...operations.columns import ColumnReader, chunk_groups
 from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
@@ -122,7 +123,8 @@ class _Loader:
         self._start_ns = index.start_time
         self._duration = (index.end_time - index.start_time) * time_scale / NS_PER_S
         self._types: Dict[str, Set[Tuple[str, str]]] = {}
-        for number, connection in enumerate(reader.connections):
+        self._described = [described(connection) for connection in reader.connections]
+        for number, connection in enumerate(self._described):
             if index.counts[number] and not tolerances.ignores(connection.topic):
                 self._types.setdefault(connection.topic, set()).add((connection.datatype, connection.md5sum))
         self._with_contents = with_contents
@@ -159,8 +161,6 @@ class _Loader:
             for connection in self._reader.connections:
                 if connection.topic == topic:
                     types_of(connection)
-                    if connection.encoding != "ros1":
-                        return False
         except DefinitionError:
             return False
         return True
@@ -168,7 +168,7 @@ class _Loader:
     def _has_known_fields(self, topic: str, datatype: str) -> bool:
         """Return whether a topic's definition is ROS's own of that type, where fields are taken by their names."""
         md5sum = _MD5SUMS.get(datatype)
-        definition = next(c.definition for c in self._reader.connections if c.topic == topic)
+        definition = next(c.definition for c in self._described if c.topic == topic)
         try:
             return md5sum is None or definition_md5(datatype, definition) == md5sum
         except DefinitionError:

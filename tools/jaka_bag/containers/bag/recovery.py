@@ -3,10 +3,9 @@ import struct
 from typing import Generator, Iterator, List, Optional, Tuple
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, concatenate
-from ..compression import decompress
+from ...messages.batch import Array
 from ..contract import ParsedChunk
-from ..index import Buffer, ChunkHead, read_at
+from ..index import ChunkHead, read_at
 from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .reader import index_entries, offsets_in, parse_chunk, scan
@@ -17,6 +16,8 @@ _WINDOW = 4 << 20
 _CHUNK_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_CHUNK])
 _MESSAGE_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_MESSAGE])
 _LONGEST_CHUNK_HEADER = 64
+_MESSAGE_HEAD = 46
+"""Bytes of a message record before its payload, as every writer makes it."""
 
 
 def _next_message(raw: bytes, begin: int) -> int:
@@ -30,6 +31,18 @@ def _next_message(raw: bytes, begin: int) -> int:
                     return start
         mark = raw.find(_MESSAGE_MARK, mark + 1)
     return len(raw)
+
+
+def _up_to_damage(raw: bytes, parsed: ParsedChunk) -> Tuple[ParsedChunk, int]:
+    """Return the records of a chunk up to damage, without a last one that swallows others, and where to read on."""
+    if parsed.consumed == len(raw):
+        return parsed, len(raw)
+    if len(parsed.batch):
+        begin = int(parsed.batch.start[-1])
+        inside = _next_message(raw, begin)
+        if inside < parsed.consumed:
+            return parsed._replace(batch=parsed.batch.take(slice(0, -1)), consumed=begin - _MESSAGE_HEAD), inside
+    return parsed, _next_message(raw, parsed.consumed + 1)
 
 
 class BagRecovery(LogRecovery):
@@ -72,8 +85,7 @@ class BagRecovery(LogRecovery):
             return
         self.expected = expected
 
-    def stretches(self) -> Iterator[Stretch]:
-        """Yield all readable messages, in the order of the file."""
+    def _stretches(self) -> Iterator[Stretch]:
         at = self._begin
         while at < self.size:
             raw = read_at(self.descriptor, at, 4096)
@@ -154,7 +166,7 @@ class BagRecovery(LogRecovery):
             return (yield from self._open_chunk(start, head.codec, "the last chunk is cut off"))
         data = read_at(self.descriptor, start, head.data_size)
         offset, end = self._index_behind(start + head.data_size)
-        yield self._stretch(at, self._read_chunk(head, data, offset, at), end)
+        yield from self._read_chunk(head, data, offset, at, end)
         return end
 
     def _index_behind(self, begin: int) -> Tuple[Optional[Array], int]:
@@ -179,32 +191,51 @@ class BagRecovery(LogRecovery):
     def _is_record_or_end(self, at: int) -> bool:
         return at == self.size or fmt.try_record_at(read_at(self.descriptor, at, 4096)) is not None
 
-    def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> ParsedChunk:
-        """Return all messages of a whole chunk, or those that are left of it."""
+    def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int, next_at: int
+                    ) -> Iterator[Stretch]:
+        """Yield all messages of a whole chunk, or those that are left of it."""
         end = at + head.data_start + head.data_size
-        try:
-            self.allowance.take(at, head.size)
-            raw: Buffer = decompress(head.codec, data, head.size)
-        except BagFormatError as error:
-            raw = self._partly(head.codec, data, at, head.size)
-            self.lose(at, end, "%s; %d of %d bytes of it were read" % (error, len(raw), head.size))
-            return scan(raw)
-        try:
-            parsed = parse_chunk(raw, offset)
-            self.misled += parsed.is_misled
-            return parsed
-        except BagFormatError as error:
-            parsed, skipped = _around_damage(bytes(raw))
-            self.lose(at, end, "%s; %d bytes were skipped, %d messages kept" % (error, skipped, len(parsed.batch)))
-            return parsed
+        raw, reason = self._unpack(head.codec, data, at, head.size)
+        if not reason:
+            try:
+                parsed = parse_chunk(raw, offset)
+                self.misled += parsed.is_misled
+                yield self._stretch(at, parsed, next_at)
+                return
+            except BagFormatError:
+                pass
+        yield from self._pieces(at, end, bytes(raw), next_at, reason and "%s; %d of %d bytes of it were read" % (
+            reason, len(raw), head.size), head.codec != "none")
+
+    def _pieces(self, at: int, end: int, raw: bytes, next_at: int, reason: str, is_packed: bool
+                ) -> Iterator[Stretch]:
+        """Yield the messages around the damage of an unpacked chunk, or of the decodable beginning of one.
+
+        Args:
+            at: First byte of the chunk in the file.
+            end: The byte behind it.
+            raw: Its records.
+            next_at: First byte of the next chunk.
+            reason: The reason why there are no more of them; empty where there are.
+            is_packed: They were unpacked: what a decoder gives behind damage may be made up, and is left out.
+        """
+        begin = kept = 0
+        while begin < len(raw):
+            parsed, begin = _up_to_damage(raw, scan(raw, begin))
+            begin = len(raw) if reason and is_packed else begin
+            kept += len(parsed.batch)
+            yield self._stretch(at, parsed, next_at)
+            if begin > parsed.consumed and not (reason and begin == len(raw)):
+                self.lose(at, end, "bytes %d to %d of the unpacked chunk: a record is damaged" % (
+                    parsed.consumed, begin))
+        if reason:
+            self.lose(at, end, "%s; %d messages were kept" % (reason, kept))
 
     def _open_chunk(self, start: int, codec: str, reason: str) -> Generator[Stretch, None, int]:
         """Yield the messages of a chunk without a known end; return the end of the file."""
         if codec not in ("none", ""):
-            raw = self._partly(codec, read_at(self.descriptor, start, self.size - start), start)
-            parsed = scan(raw)
-            self.lose(start, self.size, "%s; %d messages of it were read" % (reason, len(parsed.batch)))
-            yield self._stretch(start, parsed, self.size)
+            raw, limit = self._unpack(codec, read_at(self.descriptor, start, self.size - start), start)
+            yield from self._pieces(start, self.size, bytes(raw), self.size, limit or reason, True)
             return self.size
         at = start
         while at < self.size:
@@ -215,8 +246,13 @@ class BagRecovery(LogRecovery):
                 if needed is not None and at + needed.end <= self.size:
                     parsed = scan(read_at(self.descriptor, at, needed.end))
             if parsed.consumed:
+                again = len(raw)
+                if not self._is_record_or_end(at + parsed.consumed):
+                    parsed, again = _up_to_damage(raw, parsed)
                 yield self._stretch(at, parsed, at + parsed.consumed)
-                at += parsed.consumed
+                if again < len(raw):
+                    self.lose(at + parsed.consumed, at + again, "a record is damaged")
+                at += again if again < len(raw) else parsed.consumed
                 continue
             again = _next_message(raw, 1)
             if again == len(raw):
@@ -225,18 +261,3 @@ class BagRecovery(LogRecovery):
             self.lose(at, at + again, "a record is damaged")
             at += again
         return self.size
-
-
-def _around_damage(raw: bytes) -> Tuple[ParsedChunk, int]:
-    """Return the whole records of a damaged chunk, and the number of bytes that were skipped."""
-    parts: List[MessageBatch] = []
-    connections = {}
-    at = skipped = 0
-    while at < len(raw):
-        parsed = scan(raw, at)
-        parts.append(parsed.batch)
-        connections.update(parsed.connections)
-        again = _next_message(raw, parsed.consumed + 1) if parsed.consumed < len(raw) else len(raw)
-        skipped += again - parsed.consumed
-        at = again
-    return ParsedChunk(concatenate(parts), connections, len(raw)), skipped

@@ -130,8 +130,7 @@ class RosrecordReader(LogReader):
 class RosrecordRecovery(LogRecovery):
     """The recovery of a bag of version 1.2 up to its first damage; see ``LogRecovery``."""
 
-    def stretches(self) -> Iterator[Stretch]:
-        """Yield all readable messages, in the order of the file."""
+    def _stretches(self) -> Iterator[Stretch]:
         walk = _Walk(self.descriptor, self.size)
         for run in walk.runs():
             self.learn({number: connection for connection, number in walk.numbers.items()})

@@ -33,19 +33,20 @@ class Channels:
 
     Attributes:
         schemas: Schemas by id.
+        known: Connections by number.
         renamed: Numbers of the connections for which ids stand that were defined again.
     """
 
     def __init__(self, known: Optional[Dict[int, Connection]] = None) -> None:
         self.schemas: Dict[int, fmt.Schema] = {}
         self.renamed: Dict[int, int] = {}
-        self._known = {} if known is None else known
+        self.known = {} if known is None else known
 
     def define(self, body: Buffer) -> Tuple[int, Connection]:
         """Return the number and the connection of a channel record's body."""
         number, connection = fmt.parse_channel(body, self.schemas)
         file_id = number
-        while self._known.setdefault(number, connection).topic != connection.topic:
+        while self.known.setdefault(number, connection).topic != connection.topic:
             number += fmt.MAX_CHANNELS + 1
         self.renamed.pop(file_id, None)
         if number != file_id:

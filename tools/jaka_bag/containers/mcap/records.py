@@ -38,7 +38,7 @@ MAX_CHANNELS = 65535
 _LATEST = (1 << 63) - 1
 """Latest time, ns, that this package can hold."""
 _WINDOW = 4 << 20
-_MAX_UNKNOWN = 4096
+MAX_UNKNOWN = 4096
 """Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
 DEFINED_AGAIN = "channel %d is defined again with another topic"
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
@@ -227,7 +227,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
     stored = cursor.number("Q")
     if codec not in _CODECS:
         raise unknown_codec(codec)
-    if not 0 <= end - cursor.at - stored <= _MAX_UNKNOWN:
+    if not 0 <= end - cursor.at - stored <= MAX_UNKNOWN:
         raise BagFormatError("a chunk record is damaged")
     return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored, end)
 
@@ -399,9 +399,8 @@ def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connect
     return True
 
 
-def _is_data_intact(descriptor: int, end: int) -> bool:
-    """Return whether the data section, with its last record before ``end``, has the CRC that it names, if it does."""
-    end -= RECORD_HEAD.size + 4
+def is_data_intact(descriptor: int, end: int) -> bool:
+    """Return whether the data section, whose last record begins at ``end``, has the CRC that it names, if it does."""
     raw = read_at(descriptor, end, RECORD_HEAD.size + 4)
     expected = int.from_bytes(raw[RECORD_HEAD.size:], "little") if raw[:1] == bytes([DATA_END]) else 0
     crc, at = 0, 0
@@ -470,8 +469,6 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     if statistics[3:5] != (len(attachments), len(metadata)):
         attachments, metadata = _find_extras(descriptor, data_start, size)
     first, last = min((c.start_time for c in filled), default=None), max((c.end_time for c in filled), default=None)
-    if contradiction and not _is_data_intact(descriptor, data_end):
-        raise BagFormatError("the data section's CRC is wrong (jaka_bag recover keeps the rest)")
     if filled and (first, last) != (statistics.start_time, statistics.end_time):
         contradiction = contradiction or "its times are not those of the messages"
     counts = [statistics.channel_messages.get(channel, 0) for channel in numbers]

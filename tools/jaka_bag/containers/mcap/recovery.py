@@ -3,28 +3,36 @@
 Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
+import struct
 import zlib
-from typing import Counter, Dict, Iterator, Optional, Tuple
+from typing import Counter, Dict, Generator, Iterator, List, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
+from ...messages.connection import Connection
 from ...paths import PathLike
-from ..compression import decompress
-from ..contract import ParsedChunk, chunk_of
+from ...units import NS_PER_S
+from ..contract import chunk_of
 from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
 from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .reader import Channels, index_entries, offsets_in, parse_chunk, scan
+from .resync import FIRST_PRIVATE, Damage, Resync, around_damage, check_content
 
 _LOOSE = (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE)
-_LOOSE_WINDOW = 1 << 20
+_FIRST_LOOSE_WINDOW, _LOOSE_WINDOW = 1 << 16, 1 << 20
 _WINDOW = 4 << 20
-_FIRST_PRIVATE = 0x80
-"""The first kind of record that programs may give a meaning of their own."""
+_NEAR = 60 * NS_PER_S
+"""Distance, ns, of the times of messages that lie beside each other, at most."""
 _CODEC_AT = 37
 """Position of the length of the codec's name in a chunk record."""
 _SMALLEST_CHUNK = 49
+_LONGEST_CHUNK_HEAD = 64
+_INDEX_HEAD = struct.Struct("<BQHI")
+"""Record head, channel and size of the entries of a message index."""
+_FRAMES = (("zstd", b"\x28\xb5\x2f\xfd"), ("lz4", b"\x04\x22\x4d\x18"))
+"""Codecs and the first bytes of what they make."""
 
 
 class McapRecovery(LogRecovery):
@@ -34,6 +42,12 @@ class McapRecovery(LogRecovery):
         super().__init__(descriptor, fmt.end_of_records(descriptor, size))
         self.notes += fmt.zeros_behind(self.size, size)
         self._channels = Channels()
+        self._places = Resync(lambda at, length: read_at(descriptor, at, length), self.size, self.connections)
+        self._loose_window = _LOOSE_WINDOW
+        self._summary_channels: Dict[int, Connection] = {}
+        self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
+        self._data_end = self.size
+        self._has_unchecked = False  # messages that no checksum but that of all data covers
         self._begin = len(fmt.MAGIC)
         self.library = ""
         try:
@@ -45,40 +59,61 @@ class McapRecovery(LogRecovery):
             if summary is not None:
                 self._channels.schemas.update(summary.schemas)
                 self.learn(summary.channels)
+                self._summary_channels = summary.channels
+                self._indexes = [(chunk.position + chunk.size, chunk.position + chunk.size + chunk.index_size)
+                                 for chunk in summary.chunks]
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
 
-    def stretches(self) -> Iterator[Stretch]:
-        """Yield all readable messages, in the order of the file."""
+    def _stretches(self) -> Iterator[Stretch]:
         at = self._begin
         while at < self.size:
             opcode = read_at(self.descriptor, at, 1)[0]
-            if opcode in (fmt.DATA_END, fmt.FOOTER):
+            if opcode in (fmt.DATA_END, fmt.FOOTER) and self._ends_data(at, opcode):
+                self._data_end = at
                 break
             try:
                 if opcode == fmt.CHUNK:
-                    parsed, end = self._chunk(at)
+                    at = yield from self._chunk(at)
                 elif opcode in _LOOSE:
-                    parsed, end = self._loose(at)
+                    at = yield from self._loose(at)
                 else:
                     at = self._other(at, opcode)
-                    continue
             except BagFormatError as error:
-                at = self._skip_damage(at, str(error).split(" (")[0])
-                continue
-            self.learn(parsed.connections)
-            yield Stretch(at, end, parsed.batch, opcode != fmt.CHUNK)
-            at = end
+                at = yield from self._behind_damage(at, str(error).split(" (")[0])
 
-    def _loose(self, at: int) -> Tuple[ParsedChunk, int]:
-        """Return loose records from a position on, and their end."""
-        length = max(_LOOSE_WINDOW, self._record_end(at) - at)
-        parsed = scan(read_at(self.descriptor, at, length), self._channels, is_loose=True)
+    def _ends_data(self, at: int, opcode: int) -> bool:
+        """Return whether the data section ends with a record, rather than that its kind is damaged."""
+        end = self._places.end_of(at)
+        if not end:
+            return self.size - at <= fmt.FOOTER_SIZE
+        if opcode == fmt.FOOTER:
+            return end + len(fmt.MAGIC) >= self.size
+        return read_at(self.descriptor, end, 1) not in (bytes([fmt.MESSAGE]), bytes([fmt.CHUNK]))
+
+    def _loose(self, at: int) -> Generator[Stretch, None, int]:
+        """Yield messages of loose records from a position on; return where to read on."""
+        length = max(self._loose_window, self._record_end(at) - at)
+        raw = read_at(self.descriptor, at, min(length, self.size - at))
+        parsed = scan(raw, self._channels, is_loose=True)
         if not parsed.consumed:
             raise BagFormatError("a record is damaged")
-        self._refuse_swallowing(at, at + parsed.consumed)
-        return parsed, at + parsed.consumed
+        self.learn(parsed.connections)
+        end = at + parsed.consumed
+        chunk = self._next_chunk(at + 1, end)
+        if chunk < end:  # it would be swallowed
+            parsed = scan(raw, self._channels, 0, chunk - at, True)
+            damage: Optional[Damage] = Damage(at + parsed.consumed, chunk, "a record's length is damaged")
+        else:
+            parsed, damage = around_damage(raw, at, 0, parsed, self._places, self._next_record)
+        self._has_unchecked |= len(parsed.batch) > 0
+        self._loose_window = _FIRST_LOOSE_WINDOW if damage else min(2 * self._loose_window, _LOOSE_WINDOW)
+        yield Stretch(at, at + parsed.consumed, parsed.batch, True)
+        if damage is None:
+            return at + parsed.consumed
+        self.lose(*damage)
+        return damage.end
 
     def _record_end(self, at: int) -> int:
         """Return the end of the record at a position."""
@@ -92,12 +127,16 @@ class McapRecovery(LogRecovery):
     def _region_end(self, at: int) -> int:
         """Return the end of a chunk and the message indexes after it."""
         end = self._record_end(at)
-        while read_at(self.descriptor, end, 1) == bytes([fmt.MESSAGE_INDEX]):
-            try:
-                end = self._record_end(end)
-            except BagFormatError:
-                break
-        return end
+        while True:
+            head = read_at(self.descriptor, end, _INDEX_HEAD.size)
+            if head[:1] != bytes([fmt.MESSAGE_INDEX]) or len(head) < _INDEX_HEAD.size:
+                return end
+            _, length, _, size = _INDEX_HEAD.unpack(head)
+            after = end + fmt.RECORD_HEAD.size + int(length)
+            if after > self.size or length != 6 + size and not (
+                    0 < length - 6 - size <= fmt.MAX_UNKNOWN and self._places.fits(after)):
+                return end
+            end = after
 
     def _refuse_swallowing(self, at: int, end: int) -> None:
         """Refuse records whose damaged length would swallow a chunk."""
@@ -107,20 +146,75 @@ class McapRecovery(LogRecovery):
     def _other(self, at: int, opcode: int) -> int:
         """Read a record that holds no message; return its end."""
         end = self._record_end(at)
-        if opcode == 0:
-            raise BagFormatError("a record of unknown kind 0")
-        if fmt.DATA_END < opcode < _FIRST_PRIVATE:
-            self.notes.append("a record of the unknown kind %d at byte %d was skipped" % (opcode, at))
+        is_end_sure = self._places.fits(end)
+        if not self._places.fits(at) or not is_end_sure and opcode not in (
+                fmt.ATTACHMENT, fmt.METADATA) or self._is_like_chunk(at):
+            raise BagFormatError("a record of kind %d is damaged" % opcode)
         if opcode != fmt.ATTACHMENT:
             self._refuse_swallowing(at, end)
-        if opcode in (fmt.METADATA, fmt.ATTACHMENT):
-            raw = read_at(self.descriptor, at, end - at)
-            if opcode == fmt.METADATA:
+        raw = read_at(self.descriptor, at, end - at)
+        try:
+            if opcode == fmt.ATTACHMENT:
+                entry = fmt.parse_attachment(raw, at)
+                fmt.read_attachment(self.descriptor, entry)
+                self.attachments.append(entry)
+            elif opcode == fmt.METADATA:
                 self.metadata.append(fmt.parse_metadata(raw, at))
+            elif opcode in (fmt.HEADER, fmt.DATA_END, fmt.FOOTER):
+                raise BagFormatError("a record of kind %d is where none can be" % opcode)
+            elif opcode > fmt.DATA_END and self._is_like_message(at):
+                raise BagFormatError("a record of kind %d has the form of a message" % opcode)
+            elif fmt.DATA_END < opcode < FIRST_PRIVATE:
+                self.notes.append("a record of the unknown kind %d at byte %d was skipped" % (opcode, at))
+            else:
+                check_content(opcode, raw[fmt.RECORD_HEAD.size:])
+        except BagFormatError as error:
+            if not is_end_sure:
+                raise
+            self.lose(at, end, str(error))
+        return end
+
+    def _is_like_message(self, at: int) -> bool:
+        """Return whether a record of another kind has the channel and the time of a message."""
+        raw = read_at(self.descriptor, at, fmt.MESSAGE_HEAD.size)
+        if len(raw) < fmt.MESSAGE_HEAD.size or self._last_time is None:
+            return False
+        _, length, channel, _, time, _ = fmt.MESSAGE_HEAD.unpack(raw)
+        return (length >= fmt.MESSAGE_HEAD.size - fmt.RECORD_HEAD.size and channel in self.connections
+                and abs(int(time) - self._last_time) < _NEAR)
+
+    def _is_like_chunk(self, at: int) -> bool:
+        """Return whether a record of another kind has the head of a chunk."""
+        try:
+            fmt.parse_chunk_head(bytes([fmt.CHUNK]) + read_at(self.descriptor, at + 1, 255))
+        except BagFormatError:
+            return False
+        return True
+
+    def _next_record(self, begin: int, stop: int) -> int:
+        """Return the start of the next chunk, or of the next row of loose records, at the latest ``stop``."""
+        window = _FIRST_LOOSE_WINDOW
+        while begin < stop:
+            limit = min(begin + window, stop)
+            chunk = self._next_chunk(begin, limit)
+            found = self._places.next(begin, chunk)
+            if found < limit:
+                return found
+            begin, window = limit, min(2 * window, _WINDOW)
+        return stop
+
+    def _behind_damage(self, at: int, reason: str) -> Generator[Stretch, None, int]:
+        """Yield messages of a chunk whose head is damaged; return the start of the next record, or the file's end."""
+        end = self._next_record(at + 1, self.size)
+        raw = read_at(self.descriptor, at, min(_LONGEST_CHUNK_HEAD, end - at))
+        for codec, magic in _FRAMES:
+            begin = raw.find(magic)
+            if begin >= 0:
+                unpacked, limit = self._unpack(codec, read_at(self.descriptor, at + begin, end - at - begin), at,
+                                               is_whole=False)
+                yield from self._pieces(at, end, unpacked, limit or reason, True)
                 return end
-            entry = fmt.parse_attachment(raw, at)
-            fmt.read_attachment(self.descriptor, entry)
-            self.attachments.append(entry)
+        self.lose(at, end, reason)
         return end
 
     def _next_chunk(self, begin: int, stop: int) -> int:
@@ -144,44 +238,66 @@ class McapRecovery(LogRecovery):
             at += _WINDOW - 128
         return stop
 
-    def _chunk(self, at: int) -> Tuple[ParsedChunk, int]:
-        """Return the messages of the chunk at a position, or those left of it, and the start of the next record."""
+    def _chunk(self, at: int) -> Generator[Stretch, None, int]:
+        """Yield the messages of the chunk at a position, or those left of it; return the start of the next record."""
         head = fmt.parse_chunk_head(read_at(self.descriptor, at, 256))
         end = at + head.end
         if end > self.size:
             if self._next_chunk(at + 1, self.size) < self.size:
                 raise BagFormatError("a chunk's length is damaged")
             data = read_at(self.descriptor, at + head.data_start, head.data_size)
-            raw = self._partly(head.codec, data, at, head.size)
-            parsed = scan(raw, self._channels)
-            self.lose(at, self.size, "the last chunk is cut off; %d messages of it were read" % len(parsed.batch))
-            return parsed, self.size
+            raw, reason = self._unpack(head.codec, data, at, head.size, False)
+            yield from self._pieces(at, self.size, raw, reason or "the last chunk is cut off", head.codec != "none")
+            return self.size
         region_end = self._region_end(at)
         region = read_at(self.descriptor, at, region_end - at)
         data = memoryview(region)[head.data_start:head.data_start + head.data_size]
-        try:
-            self.allowance.take(at, head.size)
-            full: Buffer = decompress(head.codec, data, head.size)
-        except BagFormatError as error:
-            part = self._partly(head.codec, data, at, head.size)
-            parsed = scan(part, self._channels)
-            self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.batch)))
-            return parsed, region_end
+        full, reason = self._unpack(head.codec, data, at, head.size)
+        if reason:
+            yield from self._pieces(at, end, full, reason, True)
+            return region_end
         try:
             offset = offsets_in(index_entries(region, end - at))
         except BagFormatError:  # the message indexes behind the chunk are not usable
             offset = None
         try:
             parsed = parse_chunk(full, offset, self._channels)
-            self.misled += parsed.is_misled
-        except BagFormatError as error:
-            parsed = scan(full, self._channels)
-            self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.batch)))
-            return parsed, region_end
+        except BagFormatError:
+            yield from self._pieces(at, end, full, "", False)
+            return region_end
+        self.misled += parsed.is_misled
+        self._has_unchecked |= not head.crc and len(parsed.batch) > 0
+        self.learn(parsed.connections)
+        yield Stretch(at, region_end, parsed.batch)
         if head.crc and zlib.crc32(full) != head.crc:
             self.lose(at, end, "the chunk's CRC is wrong: some of its %d messages, which were kept, are not as recorded"
                       % len(parsed.batch))
-        return parsed, region_end
+        return region_end
+
+    def _pieces(self, at: int, end: int, raw: Buffer, reason: str, is_doubtful: bool) -> Iterator[Stretch]:
+        """Yield the messages around the damage of an unpacked chunk, or of the decodable beginning of one.
+
+        Args:
+            at: First byte of the chunk in the file.
+            end: The byte behind it.
+            raw: Its records.
+            reason: The reason why there are no more of them; empty where there are.
+            is_doubtful: They end at the first that is damaged: what a decoder gives behind damage may be made up.
+        """
+        places = Resync(lambda begin, size: raw[begin:begin + size], len(raw), self._channels.known)
+        begin = kept = 0
+        while begin < len(raw):
+            parsed, damage = around_damage(raw, 0, begin, scan(raw, self._channels, begin), places, places.next)
+            if damage is None and parsed.consumed < len(raw):
+                damage = Damage(parsed.consumed, places.next(parsed.consumed + 1, len(raw)), "a record is damaged")
+            self.learn(parsed.connections)
+            kept += len(parsed.batch)
+            yield Stretch(at, end, parsed.batch)
+            begin = len(raw) if damage is None or is_doubtful else damage.end
+            if damage is not None and not (reason and begin == len(raw)):
+                self.lose(at, end, "bytes %d to %d of the unpacked chunk: %s" % damage)
+        if reason:
+            self.lose(at, end, "%s; %d messages of it were read" % (reason, kept))
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogRecovery``."""
@@ -196,8 +312,26 @@ class _Whole(McapRecovery):
     """The same walk over a file of which nothing may be lost."""
 
     def lose(self, begin: int, end: int, reason: str) -> None:
+        if any(first <= begin and end <= last for first, last in self._indexes):
+            self.notes.append("%d bytes at byte %d, a message index by the summary, are damaged and were skipped" % (
+                end - begin, begin))
+            return
         place = "" if " at byte " in reason else " at byte %d" % begin
         raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
+
+
+    def check_data(self) -> None:
+        """Note a wrong checksum of all data behind the walk.
+
+        Raises:
+            BagFormatError: It is wrong, and messages or channels have no other one that tells whether they are right.
+        """
+        if fmt.is_data_intact(self.descriptor, self._data_end):
+            return
+        if self._has_unchecked or any(self.connections.get(number) != channel
+                                      for number, channel in self._summary_channels.items()):
+            raise BagFormatError("the data section's CRC is wrong (jaka_bag recover keeps the rest)")
+        self.notes.append("the data section's CRC is wrong, and that of each chunk with messages is right")
 
 
 def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> LogIndex:
@@ -210,6 +344,7 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
         if len(stretch.batch):
             found.append(chunk_of(stretch.begin, stretch.end, stretch.batch, stretch.is_loose))
             totals.update(found[-1].counts)
+    walk.check_data()
     again = [channel % (fmt.MAX_CHANNELS + 1) for channel in walk.connections if channel > fmt.MAX_CHANNELS]
     if again:
         raise BagFormatError(fmt.DEFINED_AGAIN % again[0] + " (jaka_bag recover keeps both)")

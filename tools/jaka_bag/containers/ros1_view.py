@@ -1,0 +1,58 @@
+"""The view of an open log in which messages of other encodings are those of ROS 1."""
+from typing import Dict
+
+import numpy as np
+
+from ..messages.batch import MessageBatch, concatenate, converted, distinct
+from ..messages.encodings import Ros1Form, described, ros1_form
+from .contract import LogReader
+from .index import AttachmentIndex, ChunkRef, MetadataIndex
+
+
+class Ros1View(LogReader):
+    """A log whose CDR and JSON messages are read as ROS 1 messages; those without a ROS 1 form stay as they are.
+
+    Args:
+        reader: The open log; it is closed with the view.
+        forms: ROS 1 forms by number of the connection.
+    """
+
+    def __init__(self, reader: LogReader, forms: Dict[int, Ros1Form]) -> None:
+        super().__init__(reader._file, reader.index._replace(
+            connections=[described(connection) for connection in reader.connections], profile="ros1"))
+        self._reader = reader
+        self._forms = forms
+
+    def load(self, chunk: ChunkRef) -> MessageBatch:
+        """Return the messages of one chunk; see ``LogReader``.
+
+        Raises:
+            DefinitionError: A message does not fit its definition.
+        """
+        batch = self._reader.load(chunk)
+        numbers = distinct(batch.connection).tolist()
+        if not any(number in self._forms for number in numbers):
+            return batch
+        places = [np.flatnonzero(batch.connection == number) for number in numbers]
+        parts = [converted(batch, which, self._forms[number].convert) if number in self._forms else batch.take(which)
+                 for number, which in zip(numbers, places)]
+        return concatenate(parts).take(np.argsort(np.concatenate(places)))
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """See ``LogReader``."""
+        return self._reader.read_attachment(entry)
+
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
+        """See ``LogReader``."""
+        return self._reader.read_metadata(entry)
+
+
+def as_ros1_log(reader: LogReader) -> LogReader:
+    """Return the view of an open log as one of ROS 1; the log itself where it has nothing to convert."""
+    forms: Dict[int, Ros1Form] = {}
+    for number, (connection, plain) in enumerate(zip(reader.connections, map(described, reader.connections))):
+        if plain is not connection:
+            form = ros1_form(connection)
+            assert form is not None
+            forms[number] = form
+    return Ros1View(reader, forms) if forms else reader

@@ -1,0 +1,71 @@
+"""The reader of rosbag2 folders behind the interface of every log: their messages are those of ROS 1."""
+import os
+from typing import Dict, List
+
+import numpy as np
+
+from ..messages.batch import Array, MessageBatch
+from ..paths import PathLike
+from .contract import LogReader
+from .index import METADATA, ChunkRef, LogIndex, open_for_reading
+from .rosbag2_folder import Rosbag2Folder, describe
+
+_MESSAGES = 4096
+"""Messages in one chunk, about: the folder has none of its own that both storages share."""
+
+
+def _chunks(numbers: Array, times: Array, bytes_each: int) -> List[ChunkRef]:
+    """Return chunks of messages in the order of time, which part where the time changes."""
+    chunks: List[ChunkRef] = []
+    begin = 0
+    while begin < len(times):
+        end = int(np.searchsorted(times, times[min(begin + _MESSAGES, len(times)) - 1], "right"))
+        counts = np.bincount(numbers[begin:end])
+        chunks.append(ChunkRef(begin * bytes_each, end * bytes_each, int(times[begin]), int(times[end - 1]), {
+            number: int(counts[number]) for number in np.flatnonzero(counts).tolist()}))
+        begin = end
+    return chunks
+
+
+class Rosbag2Reader(LogReader):
+    """A rosbag2 folder open for reading; see ``LogReader``. What ROS 1 cannot have is left out, with a note.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        BagError: It cannot be read.
+        DefinitionError: There are messages, and ROS 1 can have none of them.
+        MissingDependency: rosbags is not installed.
+    """
+
+    def __init__(self, path: PathLike) -> None:
+        folder = self._folder = Rosbag2Folder(path)
+        found = list(folder.times())
+        numbers = np.array([number for number, _ in found], np.int64)
+        times = np.array([time for _, time in found], np.int64)
+        order = np.argsort(times, kind="stable")
+        facts = describe(path)
+        chunks = _chunks(numbers[order], times[order], max(facts["size"] // max(len(found), 1), 1))
+        counts = np.bincount(numbers, minlength=len(folder.connections)).tolist()
+        super().__init__(open_for_reading(os.path.join(str(path), METADATA)), LogIndex(
+            "rosbag2", facts["version"], str(path), facts["size"], folder.connections,
+            {number: number for number in range(len(counts))}, chunks, counts, int(times.min()) if found else None,
+            int(times.max()) if found else None, codecs=(("none", len(chunks), facts["size"], facts["size"]),),
+            notes=tuple(folder.left_out)))
+
+    def _load(self, chunk: ChunkRef) -> MessageBatch:
+        numbers: List[int] = []
+        times: List[int] = []
+        payloads: List[bytes] = []
+        for number, time, raw in self._folder.messages(chunk.start_time, chunk.end_time + 1):
+            numbers.append(number)
+            times.append(time)
+            payloads.append(raw)
+        length = np.array(list(map(len, payloads)), np.int64)
+        return MessageBatch(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length,
+                            np.array(numbers, np.int32), np.array(times, np.int64))
+
+    def read_metadata(self, entry: object) -> Dict[str, str]:
+        """See ``LogReader``; a folder has none."""
+        return {}
