@@ -47,4 +47,4 @@ def test_the_commands_of_the_page_in_their_order(ros_node, shell):
         shell.end("driver")
     assert "Traceback" not in shell.said_by("driver")
     written = {path.name for path in shell.folder.iterdir()}
-    assert {"golden.mcap", "run.mcap", "status.bag", "diagnostics.txt", "black_box"} <= written
+    assert {"golden.mcap", "run.mcap", "status.bag", "diagnostics.txt", "report.tar.gz", "black_box"} <= written
