@@ -64,6 +64,14 @@ def test_roslaunch_lists_no_argument_as_required(path):
     assert [name for name, (_, default) in roslaunch.arg_dump.get_args([str(path)]).items() if not default] == []
 
 
+def test_what_one_must_think_about_is_the_table_of_the_page():
+    rows = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8").split("| argument | think about |\n")[1]
+    four = [row.split("`")[1] for row in rows.split("\n\n")[0].splitlines()[1:]]
+    given = roslaunch.arg_dump.get_args([START])
+    marked = [name for name, (doc, _) in given.items() if doc.startswith("Think about: ")]
+    assert marked == four == list(given)[:4] == ["ip", "model", "dh_file", "auto_enable"]
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_roslaunch_check_has_no_complaint(path, tmp_path):
     done = subprocess.run([SYSTEM_PYTHON, CHECK, "-o", str(tmp_path / "result.xml"), str(path)], text=True,
