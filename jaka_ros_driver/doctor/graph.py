@@ -17,7 +17,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
 from jaka_ros_driver.ros.short_calls import NobodyThere, Unanswered, ask
 from jaka_ros_driver.ros.single_name import refuse_second_node
-from jaka_ros_driver.ros.start_checks import require_own_answer
+from jaka_ros_driver.ros.start_checks import is_master_uri, require_own_answer
 
 _CONNECT_S = 3.0
 _BACK_S = 4.0
@@ -31,12 +31,7 @@ def variables(subject: ExaminedSystem) -> Observation:
     uri, ip, name = (os.environ.get(key, "") for key in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOSTNAME"))
     found = ", ".join("%s=%s" % (key, value or "(not set)") for key, value in (
         ("ROS_MASTER_URI", uri), ("ROS_IP", ip), ("ROS_HOSTNAME", name)))
-    try:
-        parts = urlsplit(uri)
-        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and bool(parts.port)
-    except ValueError:
-        is_address = False
-    if not is_address:
+    if not is_master_uri(uri):
         return fault(found, "no node finds the master", "export ROS_MASTER_URI=http://MASTER:11311")
     if ip and name:
         return warning(found, "ROS_HOSTNAME counts, ROS_IP has no effect", "unset one of the two")

@@ -9,6 +9,7 @@ import logging
 import os
 import re
 import socket
+import sys
 import threading
 import time
 from typing import Any, Callable, Container, Dict, Sequence
@@ -24,7 +25,7 @@ from rospy.impl import registration, tcpros_base
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, table
-from jaka_ros_driver.ros.short_calls import NobodyThere, ShortTransport
+from jaka_ros_driver.ros.short_calls import NobodyThere, ShortTransport, Unanswered, ask
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,6 +33,7 @@ _CONNECT_TIMEOUT_S = 3.0
 _PROBE_TIMEOUT_S = 0.5
 _LOOK_S = 0.05
 _LOG_PERIOD_S = 10.0
+_MASTER_LOOK_S, _MASTER_LOG_PERIOD_S = 0.2, 60.0
 _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
 
 
@@ -82,6 +84,46 @@ def _problem_of(word: str, names: Container[str]) -> str:
         except yaml.YAMLError as error:
             return "%s is no YAML: %s" % (word, " ".join(str(error).split()))
     return ""
+
+
+# ---- the master is there ----
+
+def wait_for_master(name: str) -> None:
+    """Wait until the ROS master answers; call before ``rospy.init_node``, which sets parameters of the command line.
+
+    It ends with a traceback where there is no master yet, as at the start of a computer. A signal ends the process.
+
+    Args:
+        name: The node's own name, for the master.
+
+    Raises:
+        WrongParameter: ROS_MASTER_URI is no address of a master.
+    """
+    uri = rosgraph.get_master_uri()
+    if not is_master_uri(uri):
+        raise WrongParameter("ROS_MASTER_URI is %.100r, and not like http://HOST:11311" % uri)
+    told_at = float("-inf")
+    while True:
+        try:
+            ask(uri, "getPid", "/" + name)
+            return
+        except NobodyThere as error:
+            reason = str(error.__cause__)
+        except Unanswered:
+            reason = "it does not answer"
+        if time.monotonic() - told_at > _MASTER_LOG_PERIOD_S:
+            told_at = time.monotonic()
+            print("WARNING: %s waits for the ROS master at %s: %s" % (name, uri, reason), file=sys.stderr, flush=True)
+        time.sleep(_MASTER_LOOK_S)
+
+
+def is_master_uri(uri: str) -> bool:
+    """Return whether this can be the address of a ROS master."""
+    try:
+        parts = urlsplit(uri)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and bool(parts.port)
+    except ValueError:
+        return False
 
 
 # ---- clients can reach this node ----
