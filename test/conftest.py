@@ -4,6 +4,7 @@ A plain Python without ROS (another version, another machine) runs the rest. A f
 the package that it imports, imports a ROS package. The report at the end lists what was left out.
 """
 import importlib.util
+import itertools
 import os
 import shutil
 import signal
@@ -24,8 +25,11 @@ ROS_PACKAGES = (
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = tuple(import_graph.ROOT / "test" / name
                  for name in ("ros", "packaging", "jaka_fleet/ros", "jaka_regression/ros"))
-LONG = (
-    "test/jaka_regression/ros/", "test/ros/pages/", "test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
+WAITING = ("test/ros/pages/test_regression", "test/jaka_regression/ros/", "test/ros/pages/", "test/packaging/")
+"""Beginnings of the paths of files that take longest, and wait most of the time for arms that move or for processes."""
+LONG = ("test/custody/", "test/ros/", "test/mutation/")
+BETWEEN = 4
+"""Number of other files after which the next one that waits is begun."""
 left_out: List[str] = []
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
@@ -77,8 +81,24 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with the folders whose files take longest: a parallel run is over when its last file is."""
-    items.sort(key=lambda item: next((i for i, folder in enumerate(LONG) if item.nodeid.startswith(folder)), len(LONG)))
+    """Begin with files that take long, for a parallel run is over when its last file is, and spread those that wait.
+
+    Were all workers to wait at the same time, the processors would have nothing to do.
+    """
+    files = list(dict.fromkeys(item.path for item in items))
+    names = {path: path.relative_to(import_graph.ROOT).as_posix() for path in files}
+    slow = list(dict.fromkeys(path for begin in WAITING for path in files if names[path].startswith(begin)))
+    others = [path for path in files if path not in slow]
+    others.sort(key=lambda path: next((i for i, begin in enumerate(LONG) if names[path].startswith(begin)), len(LONG)))
+    waiting = iter(slow)
+    order = list(itertools.islice(waiting, 2))
+    for number, path in enumerate(others):
+        order.append(path)
+        if number % BETWEEN == 0:
+            order += itertools.islice(waiting, 1)
+    order += waiting
+    places = {path: place for place, path in enumerate(order)}
+    items.sort(key=lambda item: places[item.path])
 
 
 def pytest_terminal_summary(terminalreporter):

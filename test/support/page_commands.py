@@ -38,7 +38,7 @@ class Shell:
 
     def __init__(self, folder: Path, environment: Dict[str, str], prelude: str = "true") -> None:
         self.folder = folder
-        self.environment = environment
+        self.environment = {name: value for name, value in environment.items() if name != "PYTEST_ADDOPTS"}
         self.prelude = prelude
         self._running: Dict[str, subprocess.Popen[str]] = {}
 

@@ -4,6 +4,7 @@ Needs no ROS, not even to record from a running ROS 1 system or to play into it.
 imports only from those above it in this list:
 
 errors, units        what can go wrong; ns, ms and mm
+interrupts           Ctrl-C and SIGTERM, once
 driver_interface     types and numbers in the topics of JAKA drivers, and what they ask of no joint
 log_records          names of the metadata records that recorders leave in a log
 paths, output_file   names of files; outputs that appear only when whole

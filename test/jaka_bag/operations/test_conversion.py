@@ -300,7 +300,30 @@ def test_an_interrupted_conversion_leaves_nothing(tmp_path):
         assert os.listdir(str(tmp_path)) == ["log.bag"]
 
 
-def test_an_interrupted_folder_leaves_whole_files_only(tmp_path):
+def test_a_second_interruption_does_not_disturb_the_end_that_the_first_began(tmp_path):
+    source = write(tmp_path / "log.bag", [model(START_NS + i, "x" * 500) for i in range(4000)], chunk_size=1 << 16)
+    code = ("import os, pathlib, signal, sys; sys.path.insert(0, %r)\n"
+            "from jaka_bag.operations import convert\n"
+            "from jaka_bag.cli.main import main\n"
+            "def interrupted(function):\n"
+            "    def interrupt(*args, **kwargs):\n"
+            "        os.kill(os.getpid(), signal.%s)\n"
+            "        return function(*args, **kwargs)\n"
+            "    return interrupt\n"
+            "convert.LossNotes.look = interrupted(convert.LossNotes.look)\n"
+            "for name in ('unlink', 'remove'):\n"
+            "    setattr(os, name, interrupted(getattr(os, name)))\n"
+            "sys.exit(main(['convert', %r, '-o', %r]))")
+    for name in ("SIGINT", "SIGTERM"):
+        done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), name, str(source), str(tmp_path / "o.mcap"))],
+                              stderr=subprocess.PIPE)
+        assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n"
+        assert done.returncode == 1 and os.listdir(str(tmp_path)) == ["log.bag"]
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_an_interrupted_folder_leaves_whole_files_only(tmp_path, again):
+    """Press Ctrl-C once, or ``again`` while the workers are being ended."""
     folder = tmp_path / "logs"
     folder.mkdir()
     for i in range(6):
@@ -313,8 +336,15 @@ def test_an_interrupted_folder_leaves_whole_files_only(tmp_path):
             "    os.killpg(os.getpgid(0), signal.SIGINT)\n"
             "    signal.pause()\n"
             "convert.LossNotes.look = look\n"
+            "from jaka_bag.engines import processes\n"
+            "children = processes.multiprocessing.active_children\n"
+            "def active_children():\n"
+            "    if %r:\n"
+            "        os.kill(os.getpid(), signal.SIGINT)\n"
+            "    return children()\n"
+            "processes.multiprocessing.active_children = active_children\n"
             "sys.exit(main(['convert', %r, '--jobs', '2']))")
-    done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), str(folder))], stderr=subprocess.PIPE,
+    done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), again, str(folder))], stderr=subprocess.PIPE,
                           start_new_session=True, timeout=120)
     assert done.returncode == 1
     assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n"

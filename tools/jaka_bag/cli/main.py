@@ -235,7 +235,7 @@ def _run(module: ModuleType, program: str, summary: str, arguments: List[str]) -
     run_files = getattr(module, "run_files", None)
     if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
         return int(run_files(arguments))
-    _end_at_sigterm()
+    _end_at_first_signal()
     parser = _parser(program, summary, module, _columns())
     return int(module.run(parser.parse_intermixed_args(_with_files_first(parser, arguments))))
 
@@ -262,13 +262,15 @@ def _is_log(word: str) -> bool:
         os.path.isfile(word) or os.path.isfile(os.path.join(word, "metadata.yaml")))
 
 
-def _end_at_sigterm() -> None:
+def _end_at_first_signal() -> None:
     """Handle SIGTERM like Ctrl-C, so that no half file stays; only where nobody else has set a handler."""
     import signal
 
+    from ..interrupts import raise_at_first_signal
+
     try:
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
+            raise_at_first_signal()
     except ValueError:  # not in the main thread: whoever runs us there decides
         pass
 

@@ -10,7 +10,6 @@ import itertools
 import logging
 import multiprocessing.resource_tracker
 import queue
-import signal
 import time
 import uuid
 import warnings
@@ -18,6 +17,7 @@ from collections import deque
 from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple
 
 from ..errors import BagError, MissingDependency
+from ..interrupts import held_back
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 CONNECT_S = 20.0
@@ -38,17 +38,6 @@ _KEEPS_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_" + name: size for 
     ("TRIM_THRESHOLD_", 128 << 20), ("MMAP_THRESHOLD_", 32 << 20), ("TOP_PAD_", 16 << 20))}
 """Dask has its workers give memory back at once. The next log needs the same again, and while the system clears it, two
 workers hold each other up. See mallopt(3)."""
-
-
-@contextlib.contextmanager
-def _interrupts_come_here_alone() -> Iterator[None]:
-    """Block SIGINT in threads and processes that begin here: a terminal sends Ctrl-C to all processes of a command."""
-    multiprocessing.resource_tracker.ensure_running()  # it would let the signal through again where it is begun
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -92,7 +81,8 @@ class Dask(Engine):
         with _quiet(), contextlib.ExitStack() as stack:
             if self._address is None:
                 stack.enter_context(importlib.import_module("dask.config").set({**_CALM, **_KEEPS_MEMORY}))
-                with _interrupts_come_here_alone():
+                multiprocessing.resource_tracker.ensure_running()  # begun below, it would let the signal through
+                with held_back():  # a terminal sends Ctrl-C to all processes of a command; this one is to handle it
                     cluster = stack.enter_context(distributed.LocalCluster(
                         n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1",
                         dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL))

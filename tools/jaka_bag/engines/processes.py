@@ -1,17 +1,17 @@
 """Tasks in processes of this computer, by the standard library alone."""
-import contextlib
 import multiprocessing
 import os
 import signal
-from typing import Any, Iterable, Iterator, Optional
+from typing import Any, Iterable, Optional
 
+from ..interrupts import held_back
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 
 class _Worker:
     """The signal handling of a worker process: the parent gets Ctrl-C and ends its workers by SIGTERM."""
 
-    is_at_work = False
+    is_at_work = is_ending = False
 
     @classmethod
     def prepare(cls) -> None:
@@ -21,6 +21,7 @@ class _Worker:
 
     @classmethod
     def _on_end(cls, number: int, frame: Any) -> None:
+        cls.is_ending = True
         if cls.is_at_work:
             raise KeyboardInterrupt  # the half output is removed on the way
         os._exit(1)
@@ -28,23 +29,16 @@ class _Worker:
     @classmethod
     def work(cls, function: BoundFunction, task: LogTask) -> Optional[LogResult]:
         """Do one task."""
-        cls.is_at_work = True
+        result = None
         try:
-            return function(task)
-        except KeyboardInterrupt:
-            os._exit(1)  # tasks that wait are not begun
-        finally:
+            cls.is_at_work = True
+            result = function(task)
             cls.is_at_work = False
-
-
-@contextlib.contextmanager
-def _no_interruption() -> Iterator[None]:
-    """Hold Ctrl-C back: one that came while a worker is started left a worker that nobody knows of, and that stays."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        except KeyboardInterrupt:
+            pass
+        if cls.is_ending:  # asked here as well: what runs in a destructor swallows the exception
+            os._exit(1)  # tasks that wait are not begun
+        return result
 
 
 class Processes(Engine):
@@ -59,7 +53,7 @@ class Processes(Engine):
 
         with ProcessPoolExecutor(self._count, initializer=_Worker.prepare) as pool:
             try:
-                with _no_interruption():
+                with held_back():  # one that came while a worker is started left a worker that nobody knows of
                     futures = {pool.submit(_Worker.work, function, task): task for task in tasks}
                 for future in as_completed(futures):
                     task = futures[future]

@@ -14,6 +14,7 @@ from typing import Any, Dict, List, Optional
 from jaka_bag.compare.report.text import headline
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.errors import JakaBagError
+from jaka_bag.interrupts import raise_at_first_signal
 from jaka_regression.programs import DRIVER, driver_in
 from jaka_regression.replay import replay
 
@@ -28,8 +29,7 @@ def _take_signals() -> None:
     Workers block or ignore SIGINT: the Ctrl-C of a terminal is for whoever waits for them. Programs inherit that, and
     each would run on until something stronger ends it.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
+    raise_at_first_signal()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
 
 

@@ -1,0 +1,32 @@
+"""Ctrl-C and SIGTERM as one exception, and no second one while its cleaning up goes on."""
+import contextlib
+import signal
+from typing import Any, Iterator
+
+_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+def raise_at_first_signal() -> None:
+    """Raise KeyboardInterrupt at the first SIGINT or SIGTERM, and ignore further ones.
+
+    A second one would interrupt the cleaning up: half files would stay, or processes that nobody ends. SIGKILL ends a
+    process that hangs there. For the main thread alone: another one raises ValueError.
+    """
+    for number in _NUMBERS:
+        signal.signal(number, _raise_once)
+
+
+def _raise_once(number: int, frame: Any) -> None:
+    for each in _NUMBERS:
+        signal.signal(each, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def held_back() -> Iterator[None]:
+    """Hold Ctrl-C back for a while, here and in processes that begin meanwhile."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
