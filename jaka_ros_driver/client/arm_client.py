@@ -11,7 +11,7 @@ from typing import Any, Callable, Iterator, List, Optional, Sequence, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
-from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
+from jaka_ros_driver.client.core.arm_core import ArmCore, exclusive_use
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -244,12 +244,12 @@ class ArmClient:
             ReplyTimeout, ConnectionLost: No reply in time; the link is down.
             ProtocolError: The reply does not hold the answer.
         """
-        return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
+        return self.run(lambda core: core.ask(command), exclusive_use(command))
 
-    def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: bool = False) -> Any:
+    def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: Optional[MotionOwner] = None) -> Any:
         """Run a procedure of ``core/procedures``, and return its result; raise what the procedure names.
 
-        With ``exclusive`` it is refused while anything moves the arm, and nothing can begin to move it meanwhile.
+        ``exclusive``: what it is, where it is refused while anything moves the arm, and nothing begins meanwhile.
         """
         return self._call(lambda call, now: self._core.run(call, procedure(self._core), now, exclusive))
 
@@ -421,11 +421,11 @@ class ArmClient:
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[str]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
-        starts_at, elapsed = trajectory.starts_at, 0.0
-        ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
+        starts_at, elapsed, reserve = trajectory.starts_at, 0.0, self._core.settings.stream_lead
+        ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic() - reserve)
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         if starts_at is not None:
-            elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
+            elapsed = time.monotonic() - starts_at + (ahead + reserve if start.running is not None else 0.0)
         path = followed_path(start, trajectory, elapsed, self.model, self._core, stops)
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 

@@ -3,6 +3,7 @@ from dataclasses import dataclass
 from typing import Optional
 
 from jaka_ros_driver.clearance.workspace import NO_ZONES, Workspace
+from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 
 
@@ -29,6 +30,7 @@ class ClientSettings:
         servo_max_joint_jump: Largest distance of a servo target from the frame sent last, rad.
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
+        stream_ahead: Number of cycles of 8 ms by which frames of trajectories and velocity jogs are sent ahead.
         trajectory_start_tolerance: Largest distance of an arm at rest from where its trajectory begins, rad.
         late_stamp: A trajectory that was to begin up to this time ago is followed as a whole by an arm that is still at
             its first point.
@@ -68,6 +70,7 @@ class ClientSettings:
     servo_max_joint_jump: float = 0.1
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
+    stream_ahead: int = 0
     trajectory_start_tolerance: float = 0.01
     late_stamp: float = 1.0
     trajectory_overshoot: str = "scale"
@@ -80,3 +83,8 @@ class ClientSettings:
     guard_motion: str = "stop"
     workspace: Workspace = NO_ZONES
     simulator: str = ""
+
+    @property
+    def stream_lead(self) -> float:
+        """The time by which those frames are sent ahead, s."""
+        return self.stream_ahead * SERVO_PERIOD_S

@@ -231,6 +231,10 @@ class DriverConfig:
         "to it. The default is the reduced speed of ISO 10218-1.")
     jog_max_angular_speed: float = _number(_CLIENT.jog_max_angular_speed, 0.001, 1.0, "rad/s",
                                            "The same for its turning.")
+    stream_ahead: int = _integer(
+        _CLIENT.stream_ahead, 0, 4, "Cycles of 8 ms by which the frames of trajectories and velocity jogs are sent "
+        "ahead. A driver that is late by no more leaves no gap in the stream. A pause, a cancel or a jog's message is "
+        "followed that much later; a controller that keeps fewer frames ignores the others (trajectories.md).")
     trajectory_controller: str = _text(
         "", _PREFIX, "empty, or a ROS name", "Namespace of the trajectory action, `NAME/follow_joint_trajectory`, and "
         "of the topics `NAME/command` and `NAME/state`. Empty: jaka_MODEL_controller, as in the maker's packages for "

@@ -17,7 +17,7 @@ DEFAULTS = {
     "connect_timeout": 1.0, "reply_timeout": 0.9, "silence_timeout": 0.8, "stale_after": 0.5, "feed_period": 0.008,
     "motion_timeout": 300.0, "power_timeout": 30.0, "enable_timeout": 30.0, "jog_timeout": 3.0, "servo_timeout": 10.0,
     "servo_ahead": 0.2, "servo_max_joint_jump": 0.1, "servo_max_linear_jump": 0.05, "servo_max_angular_jump": 0.1,
-    "trajectory_start_tolerance": 0.01, "late_stamp": 1.0, "trajectory_overshoot": "scale",
+    "stream_ahead": 0, "trajectory_start_tolerance": 0.01, "late_stamp": 1.0, "trajectory_overshoot": "scale",
     "jog_max_joint_speed": 0.5, "jog_max_linear_speed": 0.25,
     "jog_max_angular_speed": 0.5, "link_loss_stop": 0.3, "command_port": 10001, "status_port": 10000}
 """The defaults in docs/parameters.md."""

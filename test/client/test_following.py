@@ -41,6 +41,15 @@ def test_a_trajectory_ends_at_rest_on_its_last_point(arm):
     assert joint(arm) == pytest.approx(0.2, abs=1e-3) and arm.motion_owner is None
 
 
+def test_its_frames_are_sent_ahead_where_that_is_asked_for_and_it_ends_where_it_should(bench):
+    one = bench()
+    arm = one.connect(stream_ahead=4)
+    arm.follow(to(0.3, 0.8), LOOSE).result(20.0)
+    assert joint(arm) == pytest.approx(0.3, abs=1e-3) and arm.motion_owner is None
+    times = one.times_of("servo_j")
+    assert times[3] - times[0] < 0.024 <= times[7] - times[0], "four at once, then one each cycle"
+
+
 def test_one_that_starts_later_starts_then_and_is_over_in_its_time(arm):
     starts_at = time.monotonic() + 1.0
     goal = arm.follow(to(0.2, 0.8, starts_at), LOOSE)

@@ -7,6 +7,7 @@ from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
@@ -31,8 +32,8 @@ _STALL_S = 0.4
 _LONGEST_JOG_END_S = 0.8
 
 
-def _run(make: Callable[[Any], Any], exclusive: bool) -> Callable[[Any, Call, float], None]:
-    return lambda core, call, now: core.run(call, make(core), now, exclusive)
+def _run(make: Callable[[Any], Any], is_exclusive: bool) -> Callable[[Any, Call, float], None]:
+    return lambda core, call, now: core.run(call, make(core), now, MotionOwner.SETTING if is_exclusive else None)
 
 
 def _take_target(core: Any, call: Call, command: Any, now: float) -> None:
@@ -257,7 +258,7 @@ class Clients:
                   on_answer: Optional[Callable[[Call], None]] = None) -> None:
         """Call a procedure that takes several requests."""
         frame = c.Pose((0.01, 0.0, 0.05), (0.0, 0.0, 0.3))
-        make, exclusive = {
+        make, is_exclusive = {
             "power": (lambda core: power.set_power(core, value), False),
             "enable": (lambda core: power.set_enabled(core, value), False),
             "recover": (lambda core: recovery.recover(core), False),
@@ -272,7 +273,7 @@ class Clients:
             "resume": (lambda core: pausing.resume(core), False),
             "speed": (lambda core: pausing.set_speed(core, value), False),
             "query": (lambda core: core.ask(c.Query.VERSION), False)}[name]
-        self.ask("run", (name, value), _run(make, exclusive), caller, on_answer=on_answer)
+        self.ask("run", (name, value), _run(make, is_exclusive), caller, on_answer=on_answer)
 
     # ---- many calls ----
 

@@ -293,7 +293,7 @@ class LeavesPrograms(Wrapped):
 class PausesNothing(Wrapped):
     """A pause that is answered as done while the trajectory goes on."""
 
-    def run(self, call: Any, procedure: Any, now: float, exclusive: bool = False) -> None:
+    def run(self, call: Any, procedure: Any, now: float, exclusive: Any = None) -> None:
         if call is not None and call.command == ("pause", None):
             self.good.actions.answer(call, "paused")
         else:

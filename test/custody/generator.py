@@ -217,7 +217,9 @@ CALLS: _Weighted = (
 
 LATER_CALLS: _Weighted = ((6.0, _point_stream),)
 LATER = 1_000_000
-"""The first seed that draws ``LATER_CALLS``: those that are run with every change never change themselves."""
+"""The first seed that draws ``LATER_CALLS`` and the reserve of streams: those that are run with every change never
+change themselves."""
+_LATER_DIMENSIONS = ("servo_queue", "stop_drops_frames")
 
 
 # ---- what goes wrong ----
@@ -349,6 +351,8 @@ def _dialect(chance: random.Random, seed: int, firmware: str) -> Dict[str, Any]:
     """Draw the controller's behaviour on every open point, where it differs from its firmware's default."""
     usual, drawn = Dialect.default(firmware), Dialect.from_seed(seed, firmware)
     values = {name: value for name, value in drawn.as_dict().items() if value != usual.as_dict()[name]}
+    if seed < LATER:
+        values = {name: value for name, value in values.items() if name not in _LATER_DIMENSIONS}
     if chance.random() < 0.7:
         values.update(_QUICK_DRIVES)
     calm = {name for name, share in _CALMED.items() if chance.random() < share}
@@ -402,6 +406,8 @@ def generate(seed: int) -> Scenario:
                 "servo_timeout": chance.choice((10.0, 2.0)),
                 "link_loss_stop": chance.choice((0.3, 0.3, 0.0)),
                 "power_timeout": chance.choice((30.0, 3.0)), "enable_timeout": chance.choice((30.0, 3.0))}
+    if seed >= LATER:  # of a draw of its own, which changes no other
+        settings["stream_ahead"] = random.Random("stream_ahead %d" % seed).choice((0, 0, 1, 2, 3, 4))
     is_simulator = chance.random() < 0.08
     if is_simulator:
         settings["simulator"] = chance.choice(("twin", "twin", "another"))

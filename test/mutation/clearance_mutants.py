@@ -9,7 +9,18 @@ WORKSPACE = ("test/clearance/test_workspace.py",)
 DISTANCES = ("test/clearance/test_distances.py",)
 URDF = ("test/clearance/test_collision_urdf.py",)
 
+CORNERS = ("test/client/simulated/test_joint_corners.py",)
+
 OF_CLEARANCE: Tuple[Mutant, ...] = (
+    Mutant("the rounded corners of joint moves are not looked at", "client/core/motion_guard/motion_check.py",
+           "        elif start.way is not None:", "        elif False:", CORNERS),
+    Mutant("a corner of joints is rounded as far as its ways let it", "client/core/motion_guard/joint_corner.py",
+           "if beside(longest) > before.tolerance:", "if False:", CORNERS),
+    Mutant("a corner of joints is looked at by its ends", "client/core/motion_guard/joint_corner.py",
+           "return [_on_parabola(first, last, corner, k / count) for k in range(count + 1)]",
+           "return [first, last]", CORNERS),
+    Mutant("a corner of joints leaves its line too late", "client/core/motion_guard/joint_corner.py",
+           "(share - begin) / (end - begin)", "0.0", CORNERS),
     Mutant("a path is judged by its ends", "clearance/guard.py",
            "                share = min(1.0, share + step)", "                share = 1.0", GUARD),
     Mutant("an arm in trouble may go deeper", "clearance/guard.py",

@@ -18,6 +18,8 @@ LINK_STORIES = ("test/client/core/test_link_stories.py",)
 TRACE = ("test/client/test_servo_trace.py",)
 GUARD = ("test/client/test_stopping.py",)
 CORE = ("test/client/core",)
+WAITS = ("test/client/core/test_waits.py",)
+RESERVE = ("test/client/simulated/test_stream_ahead.py",)
 SEEDS = tuple("test/custody/test_seeds.py::test_" + name for name in (
     "what_once_failed_in_short", *("no_seed_breaks_a_rule[%d]" % first for first in range(1, 51, 10))))
 CUSTODY = CORE + SEEDS
@@ -163,8 +165,8 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "for one in self._waiting], error)\n        self._waiting = []\n", "for one in self._waiting], error)\n",
            CORE),
     Mutant("a motion begins beside a stop under way", "client/core/requests/admission.py",
-           "if not self._custody.is_free or self.is_setting or self.stops_under_way:",
-           "if not self._custody.is_free or self.is_setting:", CUSTODY),
+           "if not self._custody.is_free or self.busy_with is not None or self.stops_under_way:",
+           "if not self._custody.is_free or self.busy_with is not None:", CUSTODY),
     Mutant("deg for rad in the tolerance of a target", "client/core/move.py",
            "_JOINT_TOLERANCE = 0.01\n", "_JOINT_TOLERANCE = 0.57\n", CORE),
     Mutant("mm for m in the tolerance of a target", "client/core/move.py",
@@ -191,7 +193,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("an answer near the feed shows the arm at rest", "client/core/witness.py",
            "asked_at - self._rests_since.at >= REST_TIME_S", "True", OLD_NEWS),
     Mutant("a frame that is long overdue is sent", "client/core/streaming.py",
-           "if now - self._next_frame > self._custody.settings.stale_after:", "if False:",
+           "if held_up > self._custody.settings.stale_after:", "if False:",
            ("test/client/core/test_servo_stories.py",)),
     Mutant("a jog that begins late is waited for", "client/core/jog.py",
            "if not self._has_moved:", "if False:", CORE),
@@ -249,6 +251,25 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "        if self._stream is None or self._leave_reason is not None:\n            raise",
            "        self._last_target_at = now\n"
            "        if self._stream is None or self._leave_reason is not None:\n            raise", CORE),
+    Mutant("a look that is waited for is called a change of frames", "client/core/requests/kinds.py",
+           "= start, MotionOwner.LOOK", "= start, MotionOwner.SETTING", WAITS),
+    Mutant("an arm whose rest is not shown is said to move", "client/core/custody.py",
+           "        if self.stillness.has_moved_since(since):\n", "        if True:\n", WAITS),
+    Mutant("a program that no stop ends is called a motion", "client/core/stops.py",
+           "        if state.program_state in PROGRAM_UNDER_WAY:\n            return StopNotSeen(",
+           "        if False:\n            return StopNotSeen(", WAITS),
+    Mutant("frames are sent no earlier, whatever the reserve", "client/core/streaming.py",
+           "if now < self._next_frame - self._lead:", "if now < self._next_frame:", RESERVE),
+    Mutant("servo mode is left before the reserve has run out", "client/core/streaming.py",
+           "        if has_run_out and self._is_over():", "        if self._is_over():", RESERVE),
+    Mutant("what the guard brakes is stopped before the reserve has run out", "client/core/streaming.py",
+           "if has_run_out and self.frame_guard is not None", "if self.frame_guard is not None", RESERVE),
+    Mutant("a silent jog is braked as late as its reserve", "client/core/velocity_jog/motion.py",
+           "self._dead_man.wish(now + self._lead)", "self._dead_man.wish(now)", RESERVE),
+    Mutant("single points are sent ahead, too", "client/core/point_stream.py",
+           "    has_reserve = False\n", "", RESERVE),
+    Mutant("the wanted state is that of the frame sent last", "client/core/trajectory.py",
+           "if self._lead > 0.0 else None", "if False else None", RESERVE),
     Mutant("a stream begins at any phase of the status feed", "client/core/streaming.py",
            "now + (self._observed_at + _BEHIND_STATUS_S - now) % SERVO_PERIOD_S", "now",
            ("test/client/core/test_servo_stories.py",)),
@@ -485,7 +506,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("clear_err succeeds under an emergency stop", "ros/services/handlers.py",
            '", ".join(missing), is_success=False)', '", ".join(missing))', SERVICES),
     Mutant("the end of hand guiding waits for the arm", "ros/services/handlers.py",
-           "exclusive=active)", "exclusive=True)", SERVICES),
+           "MotionOwner.SETTING if active else None", "MotionOwner.SETTING", SERVICES),
     Mutant("analog inputs are read for outputs", "ros/services/handlers.py",
            "terminal.is_digital, terminal.is_output)", "terminal.is_digital, terminal.is_digital)", SERVICES),
     Mutant("a reading of no gripper is a position", "ros/gripper.py",

@@ -34,6 +34,8 @@ WRONG = [
     ("power_timeout", 1e9, "0.1 to 300 s"), ("enable_timeout", "30", "0.1 to 300 s"),
     ("jog_timeout", 3.5, "0.05 to 3 s"), ("jog_timeout", 0, "0.05 to 3 s"), ("servo_timeout", -math.inf, "0.05 to"),
     ("servo_ahead", 0.0, "0.008 to 2 s"), ("link_loss_stop", -0.1, "0 to 10 s"), ("link_loss_stop", False, "0 to 10 s"),
+    ("stream_ahead", 5, "whole number, 0 to 4"), ("stream_ahead", -1, "0 to 4"), ("stream_ahead", 1.0, "0 to 4"),
+    ("stream_ahead", True, "0 to 4"), ("stream_ahead", "2", "0 to 4"),
     ("io_index_base", 2, "auto, 0, 1"), ("io_index_base", True, "auto, 0, 1"), ("io_index_base", "", "auto, 0, 1"),
     ("simulator", "two words", "identity"), ("simulator", 7, "identity"),
     ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),

@@ -57,6 +57,8 @@ class SimulatedArm:
         shown: States for the publishers.
         refused_until: By port: until then the controller refuses connections, s.
         reply_delay: How late each reply comes, s.
+        held_until: Until then the driver stands still: it reads nothing, and sends nothing, s.
+        places: The arm's joints, rad (6,), at the end of each cycle of the controller.
         longest_unowned: The longest time in which the arm moved without custody, s.
     """
 
@@ -80,7 +82,8 @@ class SimulatedArm:
         self._clock = Clock(100.0)
         self.sent, self.frames, self.answers, self.shown = [], [], {}, []
         self.refused_until = dict.fromkeys(Port, 0.0)
-        self.reply_delay = self.longest_unowned = 0.0
+        self.reply_delay = self.longest_unowned = self.held_until = 0.0
+        self.places, self._unread = [], b""
         self._joins_until, self._joined = 0.0, b""
         self._links = dict.fromkeys(Port, False)
         self._tries = dict.fromkeys(Port, 0)
@@ -131,7 +134,7 @@ class SimulatedArm:
         self.until(lambda: call.is_over, timeout)
         return call.error
 
-    def does(self, procedure, exclusive=False):
+    def does(self, procedure, exclusive=None):
         """Carry out a procedure, made of the core; return its result, or raise its error."""
         call = self.begin("run", procedure(self.core), exclusive=exclusive)
         error = self.ended(call)
@@ -238,7 +241,8 @@ class SimulatedArm:
 
     def _next(self, until):
         """Do what is due next, if it is due before that moment."""
-        tick, cycle, event = max(self.core.next_deadline(), self.now), self._next_cycle, self._clock.next_due()
+        tick = max(self.core.next_deadline(), self.now, self.held_until)
+        cycle, event = self._next_cycle, self._clock.next_due()
         if min(tick, cycle, event) > until:
             return False
         if event <= min(tick, cycle):
@@ -261,15 +265,23 @@ class SimulatedArm:
             self._send_due()
         if self._motions[-1][1] != self.is_moving:
             self._motions.append((self.now, self.is_moving))
+        self.places.append(self.joints)
         if self._links[Port.STATUS]:
-            self.core.received(Port.STATUS, self.controller.feed_frame.text(), self.now)
-            self._perform()
-        self._tick()
+            self._unread += self.controller.feed_frame.text()
+        if self.now >= self.held_until:
+            self._read_feed()
+            self._tick()
         if self.is_moving and self.core.is_free:
             self._unowned_since = self.now if self._unowned_since is None else self._unowned_since
             self.longest_unowned = max(self.longest_unowned, self.now - self._unowned_since)
         else:
             self._unowned_since = None
+
+    def _read_feed(self):
+        unread, self._unread = self._unread, b""
+        if unread and self._links[Port.STATUS]:
+            self.core.received(Port.STATUS, unread, self.now)
+            self._perform()
 
     def _tick(self):
         self.core.tick(self.now)
@@ -285,6 +297,8 @@ class SimulatedArm:
     def _lose(self, port):
         was_up, self._links[port] = self._links[port], False
         self._tries[port] += 1
+        if port is Port.STATUS:
+            self._unread = b""
         if was_up and port is Port.COMMAND:
             self._joined = b""
             self._new_connection()

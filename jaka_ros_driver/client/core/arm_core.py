@@ -54,8 +54,13 @@ from jaka_ros_driver.state import ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import JointState, Path
 from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
-AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
+_AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """Commands that change the meaning of a running motion, or what the arm carries."""
+
+
+def exclusive_use(command: c.Command) -> Optional[MotionOwner]:
+    """Return what a command is that is carried out only while nothing moves the arm; None for any other."""
+    return MotionOwner.SETTING if isinstance(command, _AT_REST_ONLY) else None
 
 
 class ArmCore:
@@ -443,10 +448,11 @@ class ArmCore:
         self.note_disturbance("a stop")
         self._stops.stop(call, now)
 
-    def run(self, call: Token, procedure: Procedure, now: float, exclusive: bool = False) -> None:
+    def run(self, call: Token, procedure: Procedure, now: float,
+            exclusive: Optional[MotionOwner] = None) -> None:
         """Run a procedure; answered with its result or its error. A ``call`` of None is not answered.
 
-        ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile.
+        ``exclusive``: what it is that begins only while nothing moves the arm, and lets nothing move it meanwhile.
         """
         self._enter(ProcedureRequest(call, self._arm, now, procedure, exclusive), now)
 

@@ -140,6 +140,17 @@ class Custody:
             return 0.0
         return resting if self.is_shown_since(max(moment, self.stillness.since) + REST_TIME_S) else 0.0
 
+    def unrest(self, since: float) -> str:
+        """Return why the arm does not count as at rest, in words that follow a time; ``since``: it is asked for since
+        then, s.
+        """
+        if self.motion is not None:
+            return ("the stop of %s has not been accepted" if self.must_stop else "%s has not come to its end"
+                    ) % self.motion.owner.value
+        if self.stillness.has_moved_since(since):
+            return "the arm has not come to rest; it moves, and not by this driver"
+        return "the status feed has not shown that the arm rests"
+
     def is_shown_since(self, moment: float) -> bool:
         """Return whether the feed has certainly shown what there was to be seen at that moment, s."""
         return self._is_seen(self._shown.until, moment)

@@ -57,7 +57,7 @@ def _broken(core: ArmCore, is_moving_told: bool, now: float) -> Iterator[str]:
         yield "a call that was answered waits still"
     if admission._waiting and core.next_deadline() == _NEVER:
         yield "calls wait, and nothing is due"
-    if admission.is_setting and not any(not running.has_ended for running in core._running):
+    if admission.busy_with is not None and not any(not running.has_ended for running in core._running):
         yield "a change is under way, and nothing carries it out"
     if admission.stops_under_way < 0 or (admission.stops_under_way and not len(channel._exchange)):
         yield "%d stops of a free arm are under way, and no reply is outstanding" % admission.stops_under_way

@@ -13,7 +13,10 @@ _REACH = 1.5
 
 
 class MotionOwner(enum.Enum):
-    """The kinds of use that may hold the arm's motion; the value is the name in refusals."""
+    """The kinds of use that may hold the arm's motion; the value is the name in refusals.
+
+    Those from SETTING on move nothing: the arm rests, and nothing may move it meanwhile.
+    """
 
     MOVE = "a move"
     JOG = "a jog"
@@ -24,6 +27,11 @@ class MotionOwner(enum.Enum):
     PROGRAM = "a program"
     LEFT = "what a dead driver left moving"
     SETTING = "a change of frames, payload or hand guiding"
+    SENSOR = "the zeroing of the force sensor"
+    ZONES = "a change of the zones"
+    LOADING = "the loading of a program"
+    LOOK = "the motion guard's look at a move"
+    AUDIT = "the audit of a path"
 
 
 class ArmMotion:

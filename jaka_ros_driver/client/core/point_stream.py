@@ -57,7 +57,12 @@ class PointGate:
 
 
 class PointStream(Trajectory):
-    """The motion that follows points as they come, and ends at rest on the last one."""
+    """The motion that follows points as they come, and ends at rest on the last one.
+
+    It has no reserve: to be frames ahead it would have to follow each point so much later.
+    """
+
+    has_reserve = False
 
     def __init__(self, custody: Custody, model: ArmModel, gate: PointGate, first: StreamPoint, state: RobotState,
                  on_mode: OnMode) -> None:

@@ -199,14 +199,17 @@ class _FreeStop:
         if self._accepted_at is None:
             return ReplyTimeout("stop_program", self._patience)
         try:
-            self._links.fresh_state(now)
+            state = self._links.fresh_state(now)
         except ConnectionLost as error:
             return StopNotSeen("the controller accepted the stop; whether the arm rests is not known: %s" % error)
+        if state.program_state in PROGRAM_UNDER_WAY:
+            return StopNotSeen("the controller accepted the stop, and within %.1f s its program has not ended"
+                               % self._patience)
         if self._custody.stillness.duration(self._accepted_at) >= REST_TIME_S:
             return StopNotSeen("the controller accepted the stop, and the status feed shows the arm at rest; within "
                                "%.1f s it has not said that it is where the feed shows it" % self._patience)
-        return StopNotSeen("the controller accepted the stop, and %.1f s later the arm has not come to rest; it moves, "
-                           "and not by this driver" % self._patience)
+        return StopNotSeen("the controller accepted the stop, and within %.1f s %s" % (
+            self._patience, self._custody.unrest(self._accepted_at)))
 
     def _is_seen_at_rest(self, now: float) -> bool:
         """Return whether the arm was seen at rest after the stop was accepted.

@@ -27,6 +27,8 @@ _BEHIND_STATUS_S = 0.006
 Both come every 8 ms and are served by one thread, so that a stream whose frames fell due just after a status frame
 would stay behind the work for it, with all its hold-ups.
 """
+_TAKEN_WITHIN_S = 2.0 * SERVO_PERIOD_S
+"""Time, s, from when a frame is due until a controller has taken it: a cycle for the one before it, and one for it."""
 _RESTED_WITHIN = 0.02
 """Distance, rad, of a joint from where the arm rested when servo mode was asked for, above which no frame is sent.
 
@@ -43,13 +45,17 @@ OnMode = Callable[[bool, str], None]
 class Streaming(ArmMotion):
     """A motion that sends a frame each cycle. Late cycles are left out, never caught up in a burst.
 
-    Any failure stops the arm. A child class makes the frames and decides when the stream is over.
+    Any failure stops the arm. A child class makes the frames and decides when the stream is over. A motion with a
+    reserve sends each frame ``stream_ahead`` cycles before it is due, so that a driver that is late by no more than
+    that leaves the controller with frames; what was used of the reserve is then sent at once.
 
     Attributes:
+        has_reserve: Frames are sent ahead where the settings say so.
         late_cycles: Cycles that came too late to be sent.
         frame_guard: Passes joint frames on, or brakes; None where nobody looks at them one by one.
     """
 
+    has_reserve = False
     frame_guard: Optional[FrameGuard] = None
 
     def __init__(self, custody: Custody, state: RobotState, on_mode: OnMode) -> None:
@@ -66,7 +72,9 @@ class Streaming(ArmMotion):
         self._on_mode = on_mode
         self._trace = ServoTrace()
         self._look = custody.motion_check.look()
-        self._next_frame = _NEVER
+        self._cycles_ahead = custody.settings.stream_ahead if self.has_reserve else 0
+        self._lead = custody.settings.stream_lead if self.has_reserve else 0.0
+        self._next_frame = _NEVER  # when the controller is to follow it; it is sent this much earlier: _lead
         self._point: Vector = ()
         self._moved_at = -math.inf
         self._leave_reason: Optional[str] = None
@@ -147,7 +155,7 @@ class Streaming(ArmMotion):
         return True if self.is_streaming and since > self._entered_at else None
 
     def due(self) -> float:
-        return min(self._next_frame, self._confirming.deadline if self._confirming else _NEVER)
+        return min(self._next_frame - self._lead, self._confirming.deadline if self._confirming else _NEVER)
 
     def observe(self, state: RobotState, now: float) -> None:
         self._state, self._observed_at = state, now
@@ -168,18 +176,24 @@ class Streaming(ArmMotion):
     def tick(self, now: float) -> None:
         if self._confirming is not None:
             self._confirming.tick(now)
-        if now < self._next_frame:
-            return
-        if self._is_over():
+        for _ in range(1 + self._cycles_ahead):
+            if now < self._next_frame - self._lead:
+                return
+            self._cycle(now)
+
+    def _cycle(self, now: float) -> None:
+        has_run_out = not self._lead or now >= self._moved_at + _TAKEN_WITHIN_S  # the reserve leads nowhere any more
+        if has_run_out and self._is_over():
             self._next_frame = _NEVER
             self._confirming = Running(left_servo_mode(), self._custody.channel, self._leave_ended)
             self._confirming.begin(now)
             return
-        if now - self._next_frame > self._custody.settings.stale_after:  # the arm may have been moved meanwhile
+        held_up = now - (self._next_frame - self._lead)
+        if held_up > self._custody.settings.stale_after:  # the arm may have been moved meanwhile
             self._custody.stop(MotionInterrupted(
-                StopCause.LINK_LOST, "the driver was held up for %.2f s" % (now - self._next_frame)), now)
+                StopCause.LINK_LOST, "the driver was held up for %.2f s" % held_up), now)
             return
-        if self.frame_guard is not None and self.frame_guard.is_standing:
+        if has_run_out and self.frame_guard is not None and self.frame_guard.is_standing:
             self._custody.stop(MotionInterrupted(StopCause.MOTION_GUARD, self.frame_guard.trouble), now)
             return
         self._send_frame(now)
@@ -249,7 +263,7 @@ class Streaming(ArmMotion):
                     self._brakes(guard.trouble)
         before, self._point = self._point, point
         if len(before) == len(point) and math.dist(before, point) > _SAME_POINT:
-            self._moved_at = now
+            self._moved_at = now + self._lead
         self._trace.sent(point, now)
         self._next_frame += SERVO_PERIOD_S
         late = now - self._next_frame

@@ -103,6 +103,7 @@ class Trajectory(Streaming):
     """
 
     owner = MotionOwner.TRAJECTORY
+    has_reserve = True
 
     def __init__(self, custody: Custody, model: ArmModel, goal: Goal, path: Path, state: RobotState,
                  on_mode: OnMode) -> None:
@@ -122,8 +123,8 @@ class Trajectory(Streaming):
         self._path_clock = PathClock(path, model)
         self._clock: Union[PathClock, PointFollower] = self._path_clock
         self._end = path.at(path.end).position
-        self._trace = ServoTrace(_LONGEST_LAG_S, 0.1 * _LONGEST_LAG_S)
-        self._near = ServoTrace(_LAG_S, 0.1 * _LAG_S)
+        self._trace = ServoTrace(_LONGEST_LAG_S + self._lead, 0.1 * _LONGEST_LAG_S)
+        self._near = ServoTrace(_LAG_S + self._lead, 0.1 * _LAG_S)
         self._built_at = state.received_at
         self._past = ClockTrace(self._built_at, self._clock.time)
         self._lag = 0.0
@@ -142,8 +143,11 @@ class Trajectory(Streaming):
 
     @property
     def progress(self) -> TrajectoryProgress:
-        """The progress of the trajectory."""
-        return TrajectoryProgress(self._goal.call, self._clock.time, self._clock.state())
+        """The progress of the trajectory: of the frame that was sent last; with a reserve, of the one that is due."""
+        moment = self._past.at(self._observed_at, self._path_clock.rate) if self._lead > 0.0 else None
+        if moment is None:
+            return TrajectoryProgress(self._goal.call, self._clock.time, self._clock.state())
+        return TrajectoryProgress(self._goal.call, moment.time, self._path_clock.state_at(moment.time, moment.rate))
 
     def desired_at(self, at: float) -> JointState:
         """Return where the joints are wanted at this moment, s; a later one assumes that the clock keeps its rate.
@@ -254,10 +258,10 @@ class Trajectory(Streaming):
         if not (self.is_paused and clock.is_still and clock.rate == 0.0):
             self._held_since = None
         elif self._held_since is None:
-            self._held_since = now
+            self._held_since = now + self._lead
         is_over = clock.is_still and (clock.is_at_end or (self._is_cancelled and clock.rate == 0.0))
         if is_over and self._rests_since is None:
-            self._rests_since = now
+            self._rests_since = now + self._lead
             self.is_leaving = True
         return frame
 

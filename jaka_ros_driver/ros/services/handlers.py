@@ -91,22 +91,25 @@ class ServiceHandlers:
         """Serve set_toolframe: store the frame, read it back and, as configured, make it the active one."""
         with self._frames.changing():
             return ServiceOutcome(self._arm.run(
-                lambda core: settings.set_tool_frame(core, command, self._config.activates_frames), exclusive=True))
+                lambda core: settings.set_tool_frame(core, command, self._config.activates_frames),
+                MotionOwner.SETTING))
 
     def user_frame(self, command: c.SetUserFrame) -> ServiceOutcome:
         """Serve set_userframe, as ``tool_frame`` serves its service."""
         with self._frames.changing():
             return ServiceOutcome(self._arm.run(
-                lambda core: settings.set_user_frame(core, command, self._config.activates_frames), exclusive=True))
+                lambda core: settings.set_user_frame(core, command, self._config.activates_frames),
+                MotionOwner.SETTING))
 
     def payload(self, payload: ToolPayload) -> ServiceOutcome:
         """Serve set_payload: select the tool, set its load, read it back."""
         return ServiceOutcome(self._arm.run(
-            lambda core: settings.set_payload(core, payload.tool_id, payload.load), exclusive=True))
+            lambda core: settings.set_payload(core, payload.tool_id, payload.load), MotionOwner.SETTING))
 
     def hand_guiding(self, active: bool) -> ServiceOutcome:
         """Serve drag_mode: switch hand guiding; off is served at any time."""
-        return ServiceOutcome(self._arm.run(lambda core: settings.set_hand_guiding(core, active), exclusive=active))
+        return ServiceOutcome(self._arm.run(lambda core: settings.set_hand_guiding(core, active),
+                                             MotionOwner.SETTING if active else None))
 
     def collision_level(self, level: int) -> ServiceOutcome:
         """Serve set_collisionlevel: set it and read it back."""
@@ -122,7 +125,7 @@ class ServiceHandlers:
 
     def zero_force_sensor(self, _: None) -> ServiceOutcome:
         """Serve zero_ftsensor: zero the force sensor, and check that it reads zero."""
-        return ServiceOutcome(self._arm.run(settings.zero_force_sensor, exclusive=True))
+        return ServiceOutcome(self._arm.run(settings.zero_force_sensor, MotionOwner.SENSOR))
 
     def read(self, terminal: Terminal) -> ServiceOutcome:
         """Serve get_io: return the value in the status feed; ask for an output that the feed does not contain.
@@ -178,7 +181,7 @@ class ServiceHandlers:
         guard = MotionGuard(self._arm.model, wanted)  # made here, as it takes some milliseconds with many zones
         with self._settings:
             before = self._arm.run(zones.kept)
-            trouble = self._arm.run(lambda core: zones.keep(core, guard), exclusive=True)
+            trouble = self._arm.run(lambda core: zones.keep(core, guard), MotionOwner.ZONES)
             kept = self._arm.run(zones.kept)
             self._show_zones(kept)
         message = "%s are kept, before %s" % (kept.summary(), before.summary())
@@ -190,7 +193,7 @@ class ServiceHandlers:
 
     def load_program(self, name: str) -> ServiceOutcome:
         """Serve program/load: load the program, and read its name back."""
-        text = self._arm.run(lambda core: programs.load(core, name), exclusive=True)
+        text = self._arm.run(lambda core: programs.load(core, name), MotionOwner.LOADING)
         self._ends.program_loaded(name)
         return ServiceOutcome(text)
 

@@ -68,7 +68,7 @@ class StateQuery:
         state, owner, since = self._arm.fresh_state(), self._arm.motion_owner, self._held.since
         mover = owner.value if owner is not None else self._arm.foreign_motion
         if mover:
-            raise InvalidCommand("no trajectory runs, and the arm is moved otherwise: %s" % mover)
+            raise InvalidCommand("no trajectory runs, and something else has the arm: %s" % mover)
         if since is None or at < since:
             raise InvalidCommand("no trajectory runs, and the arm has held its position only since %s" % (
                 "now" if since is None else "%.3f s after that time" % (since - at)))

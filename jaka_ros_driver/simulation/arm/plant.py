@@ -1,6 +1,6 @@
 """The simulated arm: its joints over time. No sockets, threads, clock or wire units; SI throughout."""
 import math
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -17,7 +17,7 @@ from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.routes import JointRoute
-from jaka_ros_driver.simulation.arm.servo import ServoStream, Starvation
+from jaka_ros_driver.simulation.arm.servo import MAX_WAITING, ServoStream, Starvation
 from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, checked_parameters, make_filter
 from jaka_ros_driver.state import Vector
 
@@ -41,6 +41,8 @@ class Plant:
         joint_position: Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal.
         joint_velocity: Mean over the last cycle, rad/s (6,).
         servo_leave_delay: How long servo mode lasts after it was left, s; the arm takes no more points then.
+        max_waiting: Largest number of servo points behind the one for the next cycle.
+        drops_points: False where the points that wait run out before a stop, or leaving servo mode, takes effect.
         rapid_rate: Speed override in force, 0 to 1.
         settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of the
             status feed, the first frame after the acceptance shows it.
@@ -64,6 +66,9 @@ class Plant:
         self.joint_velocity = _STILL
         self.queue = MotionQueue(self._frames)
         self.servo_leave_delay = 0.0
+        self.max_waiting = MAX_WAITING
+        self.drops_points = True
+        self._after_points: Optional[Callable[[], None]] = None
         self._servo: Optional[ServoStream] = None
         self._leaves_servo_in: Optional[float] = None
         self._guiding: Optional[HandGuiding] = None
@@ -115,7 +120,7 @@ class Plant:
     @property
     def takes_servo_points(self) -> bool:
         """True in servo mode until ``leave_servo``."""
-        return self._servo is not None and self._leaves_servo_in is None
+        return self._servo is not None and self._leaves_servo_in is None and self._after_points is None
 
     @property
     def is_settled(self) -> bool:
@@ -237,9 +242,20 @@ class Plant:
         """
         if jog or not self.queue.is_jogging:
             self.queue.stop()
-        if self._servo is not None and stream:
+        if stream and self._after_points is None:
+            self._when_points_are_out(self._end_stream)
+
+    def _end_stream(self) -> None:
+        if self._servo is not None:
             self._come_to_rest()
             self._servo = self._new_stream()
+
+    def _when_points_are_out(self, act: Callable[[], None]) -> None:
+        """Act at once, or where waiting points are not dropped, when the last of them has run."""
+        if self.drops_points or self._servo is None or not self._servo.has_points:
+            act()
+        else:
+            self._after_points = act
 
     def halt_protective(self) -> None:
         """Stop everything: queue and jog slow down along their path, servo mode and hand guiding end."""
@@ -251,7 +267,7 @@ class Plant:
         """Stop everything with the highest deceleration of the joints; the path is left."""
         self._come_to_rest()
         self.queue.clear()
-        self._servo = self._guiding = self._leaves_servo_in = None
+        self._servo = self._guiding = self._leaves_servo_in = self._after_points = None
 
     def set_rapid_rate(self, rate: float) -> None:
         """Set the speed override, 0 to 1, also during a motion; raise TargetRejected for other values."""
@@ -300,13 +316,18 @@ class Plant:
 
     def leave_servo(self) -> None:
         """Leave servo mode after ``servo_leave_delay``; the arm comes to rest smoothly from now on."""
+        if self._leaves_servo_in is None:
+            self._when_points_are_out(self._begin_to_leave)
+
+    def _begin_to_leave(self) -> None:
         if self.servo_leave_delay <= 0.0:
             self._leave_servo_now()
-        elif self.takes_servo_points:
+        elif self._servo is not None:
             self._come_to_rest()
             self._servo, self._leaves_servo_in = self._new_stream(), self.servo_leave_delay
 
     def _leave_servo_now(self) -> None:
+        self._after_points = None
         if self._servo is not None:
             self._come_to_rest()
             self._servo = self._leaves_servo_in = None
@@ -373,6 +394,9 @@ class Plant:
             self._leaves_servo_in -= dt
             if self._leaves_servo_in < _SAME_MOMENT_S:
                 self._leave_servo_now()
+        if self._after_points is not None and self._servo is not None and not self._servo.has_points:
+            act, self._after_points = self._after_points, None
+            act()
         joints = self._next_joints(dt)
         if joints is None or joints == self.joint_position:
             if self.joint_velocity is not _STILL:
@@ -439,7 +463,7 @@ class Plant:
     def _new_stream(self) -> ServoStream:
         joints = self._queue_end()
         servo_filter = make_filter(self._filter_kind, self._filter_parameters, self._frames, joints)
-        return ServoStream(self._frames, joints, servo_filter, self._starvation)
+        return ServoStream(self._frames, joints, servo_filter, self._starvation, self.max_waiting)
 
     def _streaming(self) -> ServoStream:
         if self._servo is None or not self.takes_servo_points:

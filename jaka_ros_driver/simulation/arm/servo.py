@@ -19,8 +19,8 @@ MAX_STEP_SPEED = math.pi
 
 One that needs more is ignored, docs/controller-protocol.md section 5.6.5.
 """
-MAX_POINTS = 50
-"""Largest number of waiting points; further ones are ignored. No vendor value exists."""
+MAX_WAITING = 49
+"""Largest number of points behind the one for the next cycle; further ones are ignored. No vendor value exists."""
 STARVED_S = 0.1
 """Time, s, without a point after which a stream fails, with ``Starvation.FAULT``. No vendor value exists."""
 MAX_CYCLES = 1000
@@ -60,8 +60,10 @@ class ServoStream:
         has_failed: True where it ran dry and that is a fault.
     """
 
-    def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation) -> None:
+    def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation,
+                 max_waiting: int = MAX_WAITING) -> None:
         self.joints = joints
+        self._max_waiting = max_waiting
         self._starvation = starvation
         self._frames, self._filter = frames, servo_filter
         self._points: Deque[_Point] = deque()
@@ -84,6 +86,11 @@ class ServoStream:
         if any(point.end != self._target for point in self._points):
             return False
         return self._dry_for is None or self._dry_for >= _MISSING_S or not any(self._increment)
+
+    @property
+    def has_points(self) -> bool:
+        """True while a point waits."""
+        return bool(self._points)
 
     def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
         """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; return False where it is ignored.
@@ -113,7 +120,7 @@ class ServoStream:
             raise TargetRejected(cause, "servo point: " + cause.text)
         duration = cycles * CYCLE_TIME_S
         longest = max(abs(b - a) for a, b in zip(self._end, end))
-        if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:
+        if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) > self._max_waiting:
             return False
         self._points.append(_Point(self._end, end, line, duration))
         self._end = end

@@ -102,6 +102,7 @@ class ControllerState:
         self.memory = memory
         self.plant = Plant(model, joint_position, starvation=Starvation(dialect.starvation))
         self.plant.servo_leave_delay = dialect.servo_leave_delay
+        self.plant.max_waiting, self.plant.drops_points = dialect.servo_queue, dialect.stop_drops_frames
         self.plant.queue.start_delay = dialect.start_delay
         self.io = IoBanks(firmware)
         self.force_sensor = ForceSensor() if options.has_force_sensor else None

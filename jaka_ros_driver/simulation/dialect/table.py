@@ -103,6 +103,15 @@ class Dialect:
         "a servo stream that runs dry: holds its last target, repeats its last increment, coasts to rest, or ends "
         "with a fault after 0.1 s", "hold [I]; one user measured repeat [C]: 5.6.5",
         ("hold", "repeat", "coast", "fault"), "hold")
+    servo_queue: int = _dimension(Choice(
+        "servo frames that wait behind the one for the next cycle; further ones are ignored",
+        "sending faster than 8 ms is allowed on bad networks [D*, D], so that some wait, or are lost; the SDK has "
+        "filters over max_buf points, the vendor's ROS driver asks for 15 [C]; how many wait is not known: 5.6.5, "
+        "5.6.6",
+        (49,), (0, 1, 4, 49)))
+    stop_drops_frames: bool = _flag(
+        "`stop_program` and `servo_move` 0 drop the servo frames that wait; else these run out first",
+        "not known: 5.6.1", True)
     refused_move_event: bool = _flag(
         "`errcode` shows the event of a refused move until the next one is accepted",
         "0x0F0011, 17, 20, 38 are such events [D ERR]; on 1.5.14 a refusal left the feed clean [O]: 4.3, 4.4",

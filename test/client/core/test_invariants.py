@@ -4,6 +4,7 @@ from stories import HOME, Story
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.invariants import check_invariants
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.phases import Phase
 from jaka_ros_driver.client.core.procedures.steps import Running, pause
 from jaka_ros_driver.client.core.requests.admission import ArmRequest
@@ -111,7 +112,7 @@ def leave_replies(story):
 
 
 def change_without_end(story):
-    story.core._admission.is_setting = True
+    story.core._admission.busy_with = MotionOwner.SETTING
 
 
 def forget_free_stop(story):

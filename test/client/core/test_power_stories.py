@@ -202,7 +202,7 @@ def test_an_arm_that_moves_is_not_recovered_and_nothing_is_sent():
     story = recovering_while_it_moves(2.0).run(1.4, move=2.0)
     assert story.error("call") == "pending" and not story.count("clear_error")
     story.run(0.2, move=2.0)
-    assert isinstance(story.error("call"), InvalidCommand) and "the arm moves" in str(story.error("call"))
+    assert isinstance(story.error("call"), InvalidCommand) and "not by this driver" in str(story.error("call"))
     assert not story.count("clear_error") and not switches(story)
 
 

@@ -4,6 +4,7 @@ from stories import HOME, Story
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
 from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.procedures import programs
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
@@ -30,7 +31,7 @@ def running():
     return story.run(0.1)
 
 
-def ask(story, call, procedure, exclusive=False):
+def ask(story, call, procedure, exclusive=None):
     story.core.run(call, procedure(story.core), story.now, exclusive)
     story.perform()
     return story
@@ -204,7 +205,7 @@ def test_loading_needs_an_idle_program_and_reads_the_name_back():
     for held, is_good in (("weld.ngc", True), ("weld", True), ("weld.jks", True), ("paint.ngc", False)):
         story = with_program()
         story.extra = {"get_loaded_program": {"programName": held}}
-        ask(story, "load", lambda core: programs.load(core, "weld.ngc"), exclusive=True)
+        ask(story, "load", lambda core: programs.load(core, "weld.ngc"), exclusive=MotionOwner.LOADING)
         assert (story.error("load") is None) is is_good, (held, story.error("load"))
     for state in (LOADING, PAUSED, RUNNING):
         story = ask(with_program(state), "load", lambda core: programs.load(core, "weld.ngc"))

@@ -9,6 +9,7 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard, to_the_end
 from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of
 from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard
 from jaka_ros_driver.client.core.motion_guard.line_walk import corner_walks, walk
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
@@ -27,6 +28,7 @@ from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 MODEL = load_model("zu7")
+SETTING = MotionOwner.SETTING
 GUARD = MotionGuard(MODEL)
 TOOL = c.Pose((0.0, 0.02, 0.1), (0.1, 0.0, 0.5))
 TURNED = c.Pose((0.1, -0.2, 0.05), (0.0, 0.0, 0.5 * math.pi))
@@ -148,9 +150,9 @@ def test_a_line_into_a_zone_is_refused_with_its_place_in_mm():
 def test_a_line_with_tool_and_user_frame_is_looked_at_with_both(has_tool, has_user):
     arm = simulated(workspace=LOW_TABLE)
     if has_tool:
-        arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), exclusive=True)
+        arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), SETTING)
     if has_user:
-        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), SETTING)
     both = has_tool and has_user
     if both:  # the feed alone shows the product of the two only
         place = arm.core.custody.motion_check.place_of(arm.state)
@@ -270,7 +272,7 @@ def test_an_arm_in_trouble_moves_out_and_not_deeper():
 
 def kept(arm, workspace):
     """Have the core keep this workspace as the service does; return what the arm is too near to where it stands."""
-    return arm.does(lambda core: zones.keep(core, MotionGuard(MODEL, workspace)), exclusive=True)
+    return arm.does(lambda core: zones.keep(core, MotionGuard(MODEL, workspace)), SETTING)
 
 
 def test_the_zones_that_were_set_last_are_kept_and_read_back():
@@ -489,7 +491,7 @@ def test_a_jog_that_begins_beside_a_wall_is_refused_towards_it_and_goes_away_fro
     guard = MotionGuard(MODEL, WALL)
     assert DEFAULT_MARGIN < guard.nearest(HOME).distance < DEFAULT_MARGIN + 0.012
     if has_user:
-        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+        arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), SETTING)
     if axis is None:  # the axis of the tool that lies along the base's y, and its sense
         along = forward(MODEL, HOME)[3:6]
         axis = max(range(3), key=lambda n: abs(along[n]))
@@ -504,8 +506,8 @@ def test_a_jog_that_begins_beside_a_wall_is_refused_towards_it_and_goes_away_fro
 
 def test_a_jog_whose_direction_cannot_be_known_is_watched_by_the_feed_alone():
     arm = simulated(workspace=WALL)
-    arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), exclusive=True)
-    arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), exclusive=True)
+    arm.does(lambda core: settings.set_tool_frame(core, c.SetToolFrame(2, TOOL, "long"), True), SETTING)
+    arm.does(lambda core: settings.set_user_frame(core, c.SetUserFrame(3, TURNED, "turned"), True), SETTING)
     arm.core.custody.motion_check.tools = None
     assert arm.ended(arm.begin("jog", c.Jog(BASE, 0, 0.05))) is None
     arm.until(lambda: arm.core.is_free)

@@ -7,7 +7,7 @@ import pytest
 from simulated_arm import Call, SimulatedArm
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY
+from jaka_ros_driver.client.core.arm_core import exclusive_use
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
 from jaka_ros_driver.kinematics import limits
@@ -39,7 +39,7 @@ def moved(arm, command):
 
 
 def execute(arm, command):
-    return arm.ended(arm.begin("run", arm.core.ask(command), exclusive=isinstance(command, AT_REST_ONLY)))
+    return arm.ended(arm.begin("run", arm.core.ask(command), exclusive=exclusive_use(command)))
 
 
 def in_servo_mode(arm, active=True):

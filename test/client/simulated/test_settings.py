@@ -3,6 +3,7 @@ import pytest
 from simulated_arm import SimulatedArm
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.procedures import settings as procedures
 from jaka_ros_driver.client.core.procedures.steps import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
@@ -22,7 +23,8 @@ class Settings:
 
     def __getattr__(self, name):
         def act(arm, *args):
-            return arm.does(lambda core: getattr(procedures, name)(core, *args), exclusive=name in EXCLUSIVE)
+            return arm.does(lambda core: getattr(procedures, name)(core, *args),
+                            MotionOwner.SETTING if name in EXCLUSIVE else None)
         return act
 
 
@@ -189,7 +191,7 @@ class Changed:
         self._arm = arm
         self._answer = answer
 
-    def does(self, procedure, exclusive=False):
+    def does(self, procedure, exclusive=None):
         return self._arm.does(lambda core: self._filtered(procedure(core)), exclusive)
 
     def _filtered(self, steps):
@@ -289,9 +291,9 @@ def test_hand_guiding_and_a_move_are_never_both_accepted(is_guiding_first, apart
     move = c.JointMove((0.3, 1.5, -1.5, 1.5, 1.5, 0.0), 0.5, 4.0)
     calls = [("run", procedures.set_hand_guiding(arm.core, True)), ("move", move, False)]
     first, second = calls if is_guiding_first else calls[::-1]
-    begun = [arm.begin(*first, **({"exclusive": True} if is_guiding_first else {}))]
+    begun = [arm.begin(*first, **({"exclusive": MotionOwner.SETTING} if is_guiding_first else {}))]
     arm.run(apart)
-    begun.append(arm.begin(*second, **({} if is_guiding_first else {"exclusive": True})))
+    begun.append(arm.begin(*second, **({} if is_guiding_first else {"exclusive": MotionOwner.SETTING})))
     outcomes = [arm.ended(call) is None for call in begun]
     assert outcomes.count(True) == 1, outcomes
     assert arm.ended(arm.begin("stop")) is None

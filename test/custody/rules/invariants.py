@@ -82,6 +82,7 @@ class Judge:
         self.guard: Optional[GuardProcess] = None
         self.verdicts = Verdicts()
         self._model, self._lateness, self._identity = model, lateness, identity
+        self._jog_lag = JOG_LAG + _CYCLE * settings.stream_ahead
         self._old_until = -1e9
         self._guarded_from = _NEVER
         self._guard_excused_until = clock.now
@@ -408,7 +409,8 @@ class Judge:
         if plant.queue.is_jogging:
             uses("JOG_SLACK", now - max(self._jog_word_at + self._settings.jog_timeout, self._excused_until))
         if self.sent.jog.is_running:
-            uses("JOG_LAG", now - max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE))
+            uses("JOG_LAG", now - max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE)
+                 - self._jog_lag + JOG_LAG)
         for quiet in self._quiet if now >= self._end_is_due else ():
             if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
                 continue  # at the pendant
@@ -422,7 +424,7 @@ class Judge:
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
                 now - self._jog_word_at))
         rests_from = max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE)
-        if self.sent.jog.is_running and now > rests_from + JOG_LAG:
+        if self.sent.jog.is_running and now > rests_from + self._jog_lag:
             raise RuleBroken("v", now, "the arm moves, %.3f s after its jog should rest" % (now - rests_from))
         if now > max(self._stop_wanted_at, self._excused_until) + REST_AFTER_STOP:
             raise RuleBroken("m", now, "the arm moves, %.3f s after the driver sent a stop" % (

@@ -39,6 +39,7 @@ and one cycle (0.008 s)."""
 BURST_WINDOW = 0.04
 """Time, s, in which a stream has 5 cycles, a late frame at its begin, and one at each end."""
 BURST_FRAMES = 8
+"""Besides as many as are sent ahead: a reserve is filled, or filled again, at once."""
 _STEPS_OF_RECOVERY = ("clear_error", "power_on", "enable_robot")
 _SAME = 1e-6
 _WIRE_ROUNDING = 2e-6
@@ -307,7 +308,7 @@ class SentRules:
         self._frames_at.append(now)
         while self._frames_at[0] < now - BURST_WINDOW:
             self._frames_at.popleft()
-        if len(self._frames_at) > BURST_FRAMES:
+        if len(self._frames_at) > BURST_FRAMES + self._settings.stream_ahead:
             raise RuleBroken("burst", now, "%d servo frames within %.3f s" % (
                 len(self._frames_at), now - self._frames_at[0]))
 

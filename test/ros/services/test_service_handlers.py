@@ -5,6 +5,7 @@ import pytest
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.workspace import NO_ZONES, workspace_of, workspace_of_text
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.convert import Terminal
@@ -32,7 +33,7 @@ class Arm:
     def queue(self, command):
         self.moves.append((command, False))
 
-    def run(self, procedure, exclusive=False):
+    def run(self, procedure, exclusive=None):
         self.runs.append(exclusive)
         return self.result
 
@@ -78,9 +79,9 @@ class GuardedArm(Arm):
         self.model, self.workspace, self.trouble = load_model("zu7"), NO_ZONES, trouble
         self.shown = []
 
-    def run(self, procedure, exclusive=False):
+    def run(self, procedure, exclusive=None):
         self.runs.append(exclusive)
-        if not exclusive:
+        if exclusive is None:
             return self.workspace
         checked = SimpleNamespace(keep=lambda guard: setattr(self, "workspace", guard.workspace))
         running = procedure(SimpleNamespace(
@@ -95,7 +96,7 @@ class GuardedArm(Arm):
 def test_zones_are_changed_on_an_arm_that_nothing_moves_and_told_with_what_they_were():
     arm = GuardedArm()
     outcome = handlers(arm).workspace(ZONES)
-    assert arm.runs == [False, True, False] and arm.workspace == ZONES and arm.shown == [ZONES]
+    assert arm.runs == [None, MotionOwner.ZONES, None] and arm.workspace == ZONES and arm.shown == [ZONES]
     assert outcome.message == "1 zone and 1 part of a tool are kept, before 0 zones and 0 parts of a tool"
     assert workspace_of_text(outcome.text) == ZONES
 
@@ -104,7 +105,7 @@ def test_a_question_for_the_zones_changes_nothing():
     arm = GuardedArm()
     arm.workspace = ZONES
     outcome = handlers(arm).workspace(None)
-    assert arm.runs == [False] and arm.shown == []
+    assert arm.runs == [None] and arm.shown == []
     assert outcome.message == "nothing is changed: 1 zone and 1 part of a tool"
     assert workspace_of_text(outcome.text) == ZONES
 
@@ -119,7 +120,7 @@ def test_who_sets_zones_hears_that_the_arm_stands_in_one_and_that_nothing_is_ref
 @pytest.mark.parametrize("active", [True, False])
 def test_hand_guiding_needs_a_free_arm_to_begin_and_nothing_to_end(arm, active):
     handlers(arm).hand_guiding(active)
-    assert arm.runs == [active]
+    assert arm.runs == [MotionOwner.SETTING if active else None]
 
 
 @pytest.mark.parametrize("is_digital, is_output, values", [

@@ -205,6 +205,32 @@ def starvation(dialect):
     return round(wire.joint(), 2), wire.ask("is_in_servomove")["in_servomove"], wire.is_moving()
 
 
+def servo_queue(dialect):
+    wire = Wire(dialect)
+    wire.stream(5)
+    at = wire.joint()
+    for _ in range(60):
+        wire.send("servo_j", relFlag=1, jointPosition=[0.1, 0, 0, 0, 0, 0])
+    wire.step(1.0)
+    return round((wire.joint() - at) / 0.1)
+
+
+def stop_drops_frames(dialect):
+    ran_on = []
+    for stop in ({"command": "stop_program"}, {"command": "servo_move", "relFlag": 0}):
+        wire = Wire(dialect)
+        wire.stream(60)
+        for _ in range(20):
+            wire.send("servo_j", relFlag=1, jointPosition=[0.1, 0, 0, 0, 0, 0])
+        at = wire.joint()
+        assert wire.ask(**stop)["errorCode"] == "0"
+        wire.step(1.0)
+        assert not wire.is_moving()
+        ran_on.append(wire.joint() - at > 1.9)
+    assert ran_on[0] is ran_on[1]
+    return ran_on
+
+
 def refused_move_event(dialect):
     wire = Wire(dialect)
     assert wire.ask("moveL", cartPosition=[9000.0, 0, 0, 0, 0, 0], speed=10.0)["errorMsg"] == "call moveL failed"
@@ -325,6 +351,8 @@ PROBES = {
     "pause_pauses_moves": pause_pauses_moves,
     "servo_leave_delay": servo_leave_delay,
     "starvation": starvation,
+    "servo_queue": servo_queue,
+    "stop_drops_frames": stop_drops_frames,
     "refused_move_event": refused_move_event,
     "disabled_note": disabled_note,
     "second_client": second_client,

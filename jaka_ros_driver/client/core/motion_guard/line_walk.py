@@ -45,9 +45,9 @@ _REFERENCE_SPEED = 0.25
 """Speed, m/s, to which that refers where the programmed one is higher."""
 _TANGENT = 1e-3
 """Share of a way over which its direction at a corner is measured."""
-_SHARP_M = 1e-3
+SHARP_M = 1e-3
 """Distance, m, from a corner up to which a way that passes it counts as sharp."""
-_BETWEEN_CORNERS_M = 0.02
+BETWEEN_CORNERS_M = 0.02
 """Largest distance, m, of one rounded corner that is looked at from the next: less than the radius of any part."""
 
 
@@ -210,9 +210,9 @@ def corner_walks(before: LineWalk, after: LineWalk) -> List[LineWalk]:
     bend = math.dist(_direction(before.tool(1.0 - _TANGENT)[9:], corner), _direction(corner, after.tool(_TANGENT)[9:]))
     half = min(longest, 4.0 * before.tolerance / max(bend, _TANGENT))
     beside = 0.25 * half * bend
-    if beside < _SHARP_M:
+    if beside < SHARP_M:
         return []
-    count = math.ceil(beside / _BETWEEN_CORNERS_M)
+    count = math.ceil(beside / BETWEEN_CORNERS_M)
     return [_corner_walk(before, after, corner, half * (number + 1) / count) for number in range(count)]
 
 

@@ -12,6 +12,7 @@ from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
+from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay, Way, joint_corners
 from jaka_ros_driver.client.core.motion_guard.line_walk import LineWalk, corner_walks, walk
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
 from jaka_ros_driver.client.core.stillness import MOVEMENT
@@ -20,7 +21,13 @@ from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMo
 from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
-from jaka_ros_driver.kinematics.rotations import Transform, compose, matrix_from_rotation_vector, transform
+from jaka_ros_driver.kinematics.rotations import (
+    IDENTITY,
+    Transform,
+    compose,
+    matrix_from_rotation_vector,
+    transform,
+)
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import Path
 
@@ -42,12 +49,12 @@ class StartPlace(NamedTuple):
     Attributes:
         joints: rad (6,); None where they are not known: behind a line whose frames are not.
         frames: The active tool and user frame; None where they are not known.
-        way: The line or arc that ends there, whose corner may be rounded; None where there is none.
+        way: The way that ends there, whose corner may be rounded; None where there is none.
     """
 
     joints: Optional[Vector]
     frames: Optional[ToolFrames]
-    way: Optional[LineWalk] = None
+    way: Optional[Way] = None
 
     def is_near(self, other: "StartPlace") -> bool:
         """Return whether a motion that was looked at from the other place may begin at this one."""
@@ -204,17 +211,39 @@ class MotionCheck:
 
     def _move_trouble(self, command: PathCommand, start: StartPlace, ends: List[StartPlace]) -> Looks[str]:
         if isinstance(command, JointMove):
-            return (yield from self._joint_trouble(command.joint_position, start.joints))
+            return (yield from self._joint_trouble(command, start, ends))
         if start.joints is None or start.frames is None:
             self._tell_unknown_frames()
             return ""
         return (yield from self._line_trouble(command, start.joints, start, ends))
 
-    def _joint_trouble(self, target: Vector, start: Optional[Vector]) -> Looks[str]:
-        if start is None:
-            return self._guard.trouble(target)
-        trouble = yield from self._guard.looks([np.array((start, target))])
-        return "" if trouble is None else "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
+    def _joint_trouble(self, command: JointMove, start: StartPlace, ends: List[StartPlace]) -> Looks[str]:
+        begin, end = start.joints, command.joint_position
+        if begin is None:
+            return self._guard.trouble(end)
+        trouble = yield from self._guard.looks([np.array((begin, end))])
+        if trouble is not None:
+            return "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
+        longest = max([abs(b - a) for a, b in zip(begin, end)])
+        way = JointWay(begin, end, longest / command.speed, command.tolerance)
+        ends.append(StartPlace(end, start.frames, way))
+        return (yield from self._corner_trouble(start, way))
+
+    def _corner_trouble(self, start: StartPlace, way: Way) -> Looks[str]:
+        """Look at the rounded corners that may lie between the way that ends at the start, and this one."""
+        if isinstance(start.way, LineWalk) and isinstance(way, LineWalk):
+            for corner in corner_walks(start.way, way):
+                trouble = yield from self._way_trouble(corner)
+                if trouble:
+                    return "on the rounded corner where it begins, " + trouble
+        elif start.way is not None:
+            tool = IDENTITY if start.frames is None else start.frames.flange_t_tool
+            for joints in joint_corners(self._model, tool, start.way, way):
+                found = yield from self._guard.looks([np.array(joints)])
+                if found is not None:
+                    return "on the rounded corner where it begins, after %.0f %% of it %s" % (
+                        100.0 * (found.index + found.share) / (len(joints) - 1), found.reason)
+        return ""
 
     def _line_trouble(self, command: Union[LinearMove, ArcMove], begin: Vector, start: StartPlace,
                       ends: List[StartPlace]) -> Looks[str]:
@@ -227,12 +256,8 @@ class MotionCheck:
         trouble = yield from self._way_trouble(way)
         if trouble:
             return trouble
-        for corner in () if start.way is None else corner_walks(start.way, way):
-            trouble = yield from self._way_trouble(corner)
-            if trouble:
-                return "on the rounded corner where it begins, " + trouble
         ends.append(StartPlace(way.end, start.frames, way))
-        return ""
+        return (yield from self._corner_trouble(start, way))
 
     def _way_trouble(self, way: LineWalk) -> Looks[str]:
         yield from way.looks()

@@ -200,7 +200,7 @@ def _come_to_rest(core: ArmCore) -> Procedure:
     if moves:
         core.stop_own(now)
     if not (yield Until(rests, CLEAR_TIMEOUT_S)):
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % CLEAR_TIMEOUT_S)
+        raise MotionInterrupted(StopCause.TIMEOUT, "within %.0f s %s" % (CLEAR_TIMEOUT_S, core.custody.unrest(now)))
     return "all motion was stopped" if moves else ""
 
 

@@ -139,7 +139,7 @@ class _Recovery:
 
         So power_on is not sent a second time.
         """
-        core = self._core
+        core, begun_at = self._core, (yield Now())
         held_up_at = -_FEED_DELAY_S
 
         def rests(now: float) -> bool:
@@ -154,9 +154,12 @@ class _Recovery:
             yield from self._state()
             if core.channel.is_held_up:
                 raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is under way")
-            owner = core.motion_owner
-            raise InvalidCommand("refused to recover: %s; stop it first" % (
-                "the arm moves, and not by this driver" if owner is None else "%s owns the arm's motion" % owner.value))
+            motion = core.custody.motion
+            if motion is not None and not core.custody.is_ending:
+                raise InvalidCommand("refused to recover: %s owns the arm's motion; stop it first"
+                                     % motion.owner.value)
+            raise InvalidCommand("refused to recover: within %.1f s %s" % (
+                _REST_TIMEOUT_S, core.custody.unrest(begun_at)))
 
     def _begin(self, step: RecoveryStep) -> None:
         self._check()

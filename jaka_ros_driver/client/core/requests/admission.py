@@ -102,7 +102,8 @@ class Admission:
     """The queue of requests for the arm, of which one at a time is admitted.
 
     Attributes:
-        is_setting: A change that needs the arm at rest is being made, or the way of a motion is looked at.
+        busy_with: The change that needs the arm at rest and is being made, or the look at the way of a motion; None
+            for nothing.
         is_guided: Hand guiding was switched on by this driver; not every feed has that.
         stops_under_way: Stops that were sent while nobody had custody, and are not answered yet.
     """
@@ -112,7 +113,7 @@ class Admission:
         self._custody = custody
         self._sight = sight
         self._waiting: List[ArmRequest] = []
-        self.is_setting = False
+        self.busy_with: Optional[MotionOwner] = None
         self.is_guided = False
         self.stops_under_way = 0
 
@@ -121,7 +122,7 @@ class Admission:
         """The kind of motion that has the arm on behalf of this driver; None for none."""
         if self._custody.motion is not None:
             return self._custody.motion.owner
-        return MotionOwner.SETTING if self.is_setting else None
+        return self.busy_with
 
     @property
     def deadline(self) -> float:
@@ -165,17 +166,21 @@ class Admission:
         if self.is_free_at_rest(owner, now):
             return True
         if now - request.asked_at >= _WAIT_FOR_REST_S:
-            holder = self.owner
-            if holder is None:
-                require_no_wait(owner, self.evidence(owner, self._sight.fresh_state(now)))
-                if self._sight.is_in_question and self._custody.stillness.duration() >= REST_TIME_S:
-                    raise InvalidCommand("refused: the status feed has not shown within %.1f s where the controller "
-                                         "says the arm is" % _WAIT_FOR_REST_S)
-            raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST_S, "it moves, and not by this driver" if holder is None
-                else "%s is still being ended" % holder.value))
+            raise InvalidCommand("refused: within %.1f s %s" % (_WAIT_FOR_REST_S, self._waited_for(request, now)))
         self._waiting.append(request)
         return False
+
+    def _waited_for(self, request: ArmRequest, now: float) -> str:
+        """Return what a request has waited for in vain, in words that follow a time; errors as ``may_begin``."""
+        if self._custody.motion is None:
+            if self.busy_with is not None:
+                return "%s has not ended" % self.busy_with.value
+            if self.stops_under_way:
+                return "the controller has not answered a stop"
+            require_no_wait(request.owner, self.evidence(request.owner, self._sight.fresh_state(now)))
+            if self._sight.is_in_question and self._custody.stillness.duration() >= REST_TIME_S:
+                return "the status feed has not shown where the controller says the arm is"
+        return self._custody.unrest(request.asked_at)
 
     def wait(self, request: ArmRequest, now: float) -> None:
         """Have the request enter again later, behind those that wait already; until then its time does not count."""
@@ -193,7 +198,7 @@ class Admission:
         if motion is not None and not self._custody.is_ending and not motion.is_leaving:
             raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
                                  % motion.owner.value)
-        if not self._custody.is_free or self.is_setting or self.stops_under_way:
+        if not self._custody.is_free or self.busy_with is not None or self.stops_under_way:
             return False
         state = self._sight.fresh_state(now)
         try:

@@ -113,7 +113,7 @@ class MoveRequest(_MotionRequest):
         running = self._arm.running(Move)
         if self._wait or running is None:
             return False
-        if self._arm.admission.is_setting:  # another move is looked at: the queue keeps their order
+        if self._arm.admission.busy_with is not None:  # another move is looked at: the queue keeps their order
             self._arm.admission.wait(self, now)
         elif self._is_looked_at(running.place, now):
             running.add(self._command, self.call, now, self._end_place, self._end)
@@ -128,13 +128,13 @@ class MoveRequest(_MotionRequest):
         """Return whether the way from there was looked at; else look, and enter again behind that."""
         if self._looked_from is not None and self._looked_from.is_near(start):
             return True
-        self._looked_from, self._arm.admission.is_setting = start, True
+        self._looked_from, self._arm.admission.busy_with = start, MotionOwner.LOOK
         self._arm.carry_out(in_slices(self._arm.custody.motion_check.after_move(self._command, start),
                                       lambda: self._arm.stops.require_none_since(self._stops)), self._looked, now)
         return False
 
     def _looked(self, place: StartPlace, error: Optional[JakaError], now: float) -> None:
-        self._arm.admission.is_setting = False
+        self._arm.admission.busy_with = None
         try:
             if error is not None:
                 raise error
@@ -162,7 +162,7 @@ class PathRequest(_MotionRequest):
         super().check(now)
 
     def begin(self, now: float) -> None:
-        self._arm.admission.is_setting = True
+        self._arm.admission.busy_with = MotionOwner.AUDIT
         self._arm.carry_out(audit(self._commands, self._state(now), self._arm.audited, self._require_wanted,
                                   self._arm.custody.motion_check),
                             self._audited, now)
@@ -174,7 +174,7 @@ class PathRequest(_MotionRequest):
         self._arm.stops.require_none_since(self._stops)
 
     def _audited(self, path: SegmentPath, error: Optional[JakaError], now: float) -> None:
-        self._arm.admission.is_setting = False
+        self._arm.admission.busy_with = None
         try:
             if error is not None:
                 raise error
@@ -403,23 +403,28 @@ class FollowRequest(_TrajectoryRequest):
 class ProcedureRequest(ArmRequest):
     """The request to run a procedure, on its own while nothing moves the arm, or beside whatever does."""
 
-    def __init__(self, call: Token, arm: ArmParts, asked_at: float, procedure: Procedure, exclusive: bool) -> None:
+    def __init__(self, call: Token, arm: ArmParts, asked_at: float, procedure: Procedure,
+                 exclusive: Optional[MotionOwner]) -> None:
+        """Set up the request.
+
+        exclusive: What it is, where nothing may move the arm meanwhile; None where it is carried out beside a motion.
+        """
         super().__init__(call, arm.admission, asked_at)
         self._arm, self._procedure, self._exclusive = arm, procedure, exclusive
 
     def join(self, now: float) -> bool:
-        if not self._exclusive:
+        if self._exclusive is None:
             self._arm.carry_out(self._procedure, self._answer, now)
-        return not self._exclusive
+        return self._exclusive is None
 
     def begin(self, now: float) -> None:
-        self._arm.admission.is_setting = True
+        self._arm.admission.busy_with = self._exclusive
         self._arm.carry_out(self._procedure, self._ended, now)
 
     def _answer(self, result: Any, error: Optional[JakaError], _now: float) -> None:
         self._arm.actions.answer(self.call, result, error)
 
     def _ended(self, result: Any, error: Optional[JakaError], now: float) -> None:
-        self._arm.admission.is_setting = False
+        self._arm.admission.busy_with = None
         self._answer(result, error, now)
         self._arm.admission.retry(now)

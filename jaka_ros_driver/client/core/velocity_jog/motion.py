@@ -38,6 +38,7 @@ class VelocityJog(Streaming):
     """
 
     owner = MotionOwner.VELOCITY_JOG
+    has_reserve = True
 
     def __init__(self, custody: Custody, model: ArmModel, dead_man: DeadMan, state: RobotState,
                  on_mode: OnMode) -> None:
@@ -87,7 +88,7 @@ class VelocityJog(Streaming):
 
     def _frame(self, now: float) -> ServoJoint:
         assert self._ramp is not None
-        wish = self._dead_man.wish(now)
+        wish = self._dead_man.wish(now + self._lead)  # what counts when the frame is due: silence costs no reserve
         if self._leave_reason is not None or wish is None or self._dead_man.grip != self._grip:
             self._release()
             return ServoJoint(self._ramp.step(None))

@@ -1,0 +1,76 @@
+"""The rounded corners at joint moves, which the motion guard looks at beside the sharp ones."""
+import math
+import re
+
+import pytest
+from simulated_arm import SimulatedArm
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.clearance.guard import to_the_end
+from jaka_ros_driver.clearance.workspace import workspace_of
+from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay, joint_corners
+from jaka_ros_driver.client.core.motion_guard.line_walk import walk
+from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import IDENTITY, pose_from_transform
+from jaka_ros_driver.simulation.arm.plant import HOME
+
+MODEL = load_model("zu7")
+AROUND = (0.6,) + HOME[1:]
+BELOW = (0.6, HOME[1], HOME[2] - 0.5) + HOME[3:]
+PIN = workspace_of({"keep_out": [{"name": "pin", "centre": [0.312, 0.278, 0.312], "size": [0.03, 0.03, 0.03]}]})
+"""A box within the corner of a joint move to AROUND and one from there to BELOW."""
+
+
+def joint_corner(radius):
+    return [c.JointMove(AROUND, 1.0, 4.0, radius), c.JointMove(BELOW, 1.0, 4.0, 0.0)]
+
+
+@pytest.mark.parametrize("radius, is_refused", [(0.0, False), (0.02, False), (0.05, True), (0.1, True)])
+def test_the_rounded_corner_of_joint_moves_is_looked_at_in_a_path_and_in_the_queue(radius, is_refused):
+    arm = SimulatedArm(MODEL, HOME, has_all_fields=True, workspace=PIN)
+    error = arm.ended(arm.begin("move_path", joint_corner(radius), lambda: False, lambda: None))
+    if is_refused:
+        assert re.match(r"segment 1: refused: on the rounded corner where it begins, after \d+ % of it the flange "
+                        r".*keep-out box 'pin'", str(error)), error
+        assert not arm.times_of("joint_move")
+    else:
+        assert error is None
+    arm = SimulatedArm(MODEL, HOME, has_all_fields=True, workspace=PIN)
+    first, second = joint_corner(radius)
+    assert arm.begin("move", first, False).error is None
+    queued = arm.begin("move", second, False)
+    assert (queued.error is not None) is is_refused, queued.error
+    assert not is_refused or "refused: on the rounded corner where it begins, " in str(queued.error)
+    arm.until(lambda: arm.core.is_free)
+    assert arm.ended(arm.begin("move", second, True)) is None, "behind a stop at the corner it is sharp"
+
+
+@pytest.mark.parametrize("kinds", ["joint joint", "joint line", "line joint"])
+@pytest.mark.parametrize("radius", [0.0, 0.01, 0.03, 1.0])
+def test_the_corners_beside_joint_moves_touch_both_ways_and_pass_within_the_tolerance(kinds, radius):
+    frames, at = ToolFrames(IDENTITY, IDENTITY), pose_from_transform(forward(MODEL, AROUND))
+    line = c.LinearMove(c.Pose(tuple([a + b for a, b in zip(at.position, (0.0, 0.0, -0.2))]), at.rpy), 0.2, 1.0, radius)
+    away = walk(MODEL, frames, AROUND, line)
+    to_the_end(away.looks())
+    back = walk(MODEL, frames, away.end, c.LinearMove(at, 0.2, 1.0, radius))
+    to_the_end(back.looks())
+    before, after = {
+        "joint joint": (JointWay(HOME, AROUND, 0.6, radius), JointWay(AROUND, BELOW, 0.5, 0.0)),
+        "joint line": (JointWay(HOME, AROUND, 0.63, radius), away),
+        "line joint": (back, JointWay(back.end, HOME, 0.6, 0.0))}[kinds]
+    corners = joint_corners(MODEL, IDENTITY, before, after)
+    assert bool(corners) is (radius > 0.0)
+    tip = forward(MODEL, AROUND)[9:]
+    nearest = [min(math.dist(forward(MODEL, joints)[9:], tip) for joints in corner) for corner in corners]
+    assert nearest == sorted(nearest) and (not nearest or nearest[-1] <= radius + 2e-3)
+    assert all(b - a <= 0.02 + 1e-3 for a, b in zip([0.0, *nearest], nearest))
+    for corner in corners:
+        steps = [[b - a for a, b in zip(p, q)] for p, q in zip(corner, corner[1:])]
+        assert max(abs(b - a) for p, q in zip(steps, steps[1:]) for a, b in zip(p, q)) <= 8e-3 * 1.01
+    if kinds == "joint joint" and radius == 1.0:
+        assert corners[-1][0] == pytest.approx(before.at(1.0 - 0.25 / 0.6)) and corners[-1][-1] == pytest.approx(
+            after.at(0.5)), "half of the shorter"
+    if kinds == "joint line" and radius == 1.0:
+        assert math.dist(forward(MODEL, corners[-1][-1])[9:], tip) == pytest.approx(0.2 * 0.5 * 0.63, abs=1e-3)
