@@ -6,6 +6,7 @@ transport       the two connections to the controller, and one wait for both; th
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
 followed_path   the path that is followed for a trajectory, and where it joins a running one
 loop_task       the base class of periodic tasks in the client's thread
+supervisor      signs of life for the supervisor of a service
 fail_stop       the last stop and the evidence of a driver whose core has failed
 runtime_file    small private files about a controller, for the next driver or guard
 first_start     the note that a controller had a driver since the computer was switched on

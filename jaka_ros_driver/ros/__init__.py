@@ -16,6 +16,7 @@ model_check   comparison of the controller's pose with the arm model
 direct_publisher   publishers that write to their listeners in the publishing thread
 connections   bounds of the node's connections, and which are closed when there are too many
 driver_lock, single_name   one driver for each controller, one node for each name
+short_calls   calls of masters and nodes that end in time
 start_checks  refuses to start where no client can reach the node, time stands still, or a topic is used twice
 exit_codes    what a supervisor learns of a driver that has ended
 master_watch  registers again with a ROS master that was restarted

@@ -21,6 +21,7 @@ _ANSWER_TIMEOUT_S = 1.0
 _RETRY_S = 0.1
 _LONGEST_NAME = 80
 """Longest address, bytes, within a socket's name, which has 107."""
+_UNNAMED = "another driver"
 _CREDENTIALS = struct.Struct("3i")
 
 
@@ -57,7 +58,7 @@ class DriverLock:
                 if error.errno != errno.EADDRINUSE:
                     raise
                 raise AlreadyDriven("the controller %s is already driven by %s; one controller, one driver"
-                                    % (endpoint(host, port), _holder_of(name))) from None
+                                    % (endpoint(host, port), _holder_of(name) or _UNNAMED)) from None
             taken.listen(8)
             thread = threading.Thread(target=_answer, args=(taken, holder.encode("utf-8", "replace")),
                                       name="driver lock", daemon=True)
@@ -73,6 +74,11 @@ class DriverLock:
             thread.join()
         for taken in self._sockets:
             taken.close()
+
+
+def holder_of(host: str, port: int) -> str:
+    """Return who on this machine drives a controller, "" where nobody does; the lock itself is not touched."""
+    return next(filter(None, (_holder_of(_socket_name(address, port)) for address in sorted(_addresses(host)))), "")
 
 
 def _socket_name(address: str, port: int) -> bytes:
@@ -98,14 +104,16 @@ def _answer(listening: socket.socket, holder: bytes) -> None:
 
 
 def _holder_of(name: bytes) -> str:
-    """Return name and process id of the driver that holds a lock, as far as they are available."""
+    """Return name and process id of the driver that holds a lock, as far as they are available; "" for nobody."""
     with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as asking:
         asking.settimeout(_ANSWER_TIMEOUT_S)
         try:
             asking.connect(name)
             pid = _CREDENTIALS.unpack(asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[0]
+        except ConnectionRefusedError:
+            return ""
         except OSError:
-            return "another driver"
+            return _UNNAMED
         try:
             holder = asking.recv(256).decode("utf-8", "replace").strip()
         except OSError:  # it is frozen

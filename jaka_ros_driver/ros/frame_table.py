@@ -60,11 +60,11 @@ class FrameReader:
 
     def flange_t_tool(self, state: RobotState) -> Optional[Transform]:
         """Return the active tool in the flange frame, m."""
-        return _entry(self._tools, state.tool_id)
+        return frame_of(self._tools, state.tool_id)
 
     def base_t_user(self, state: RobotState) -> Optional[Transform]:
         """Return the active user frame in the base frame, m."""
-        return _entry(self._users, state.user_frame_id)
+        return frame_of(self._users, state.user_frame_id)
 
     def _forget(self) -> None:
         with self._lock:
@@ -106,7 +106,8 @@ class FrameReader:
             return None
 
 
-def _entry(frames: Optional[Frames], index: Optional[int]) -> Optional[Transform]:
+def frame_of(frames: Optional[Frames], index: Optional[int]) -> Optional[Transform]:
+    """Return the frame of an id, m: identity for 0, and where none is active; None where the table does not have it."""
     if index is None or index == 0:
         return IDENTITY
     if frames is None or not 0 < index < len(frames):

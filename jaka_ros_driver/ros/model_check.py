@@ -4,8 +4,10 @@ from typing import NamedTuple, Optional
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import (
+    Transform,
     compose,
     distance_between,
     rotation_angle_between,
@@ -62,11 +64,22 @@ class ModelCheck:
         return found
 
     def _deviation(self, state: RobotState) -> Optional[Deviation]:
-        flange_t_tool = self._frames.flange_t_tool(state)
-        base_t_user = self._frames.base_t_user(state)
-        if (not state.is_in_position or state.tcp_position is None or state.tcp_rpy is None or flange_t_tool is None
-                or base_t_user is None):
-            return None
-        ours = compose(forward(self._arm.model, state.joint_position), flange_t_tool)
-        theirs = compose(base_t_user, transform_from_pose(Pose(state.tcp_position, state.tcp_rpy)))
-        return Deviation(distance_between(ours, theirs), rotation_angle_between(ours, theirs))
+        return deviation(self._arm.model, state, self._frames.flange_t_tool(state), self._frames.base_t_user(state))
+
+
+def deviation(model: ArmModel, state: RobotState, flange_t_tool: Optional[Transform],
+              base_t_user: Optional[Transform]) -> Optional[Deviation]:
+    """Return how far the controller's pose of the tool is from the model's; None where it is not known, or in motion.
+
+    Args:
+        model: The arm.
+        state: A state with joints and, in the active user frame, the pose of the active tool.
+        flange_t_tool: The active tool in the flange, m; None where it is not known.
+        base_t_user: The active user frame in the base, m; None where it is not known.
+    """
+    if (not state.is_in_position or state.tcp_position is None or state.tcp_rpy is None or flange_t_tool is None
+            or base_t_user is None):
+        return None
+    ours = compose(forward(model, state.joint_position), flange_t_tool)
+    theirs = compose(base_t_user, transform_from_pose(Pose(state.tcp_position, state.tcp_rpy)))
+    return Deviation(distance_between(ours, theirs), rotation_angle_between(ours, theirs))

@@ -1,5 +1,6 @@
 """The driver node, command jaka_driver: parameters, client, services, topics and diagnostics put together."""
 import argparse
+import faulthandler
 import io
 import logging
 import os
@@ -20,6 +21,7 @@ from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.first_start import is_first_start
 from jaka_ros_driver.client.guard import Guard
+from jaka_ros_driver.client.supervisor import supervisor_of
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, file_or_none
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
@@ -49,6 +51,7 @@ from jaka_ros_driver.ros.start_checks import (
     refuse_topics_used_twice,
     refuse_unreachable_node,
     refuse_words_that_are_not_taken,
+    wait_for_master,
     wait_for_time,
 )
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
@@ -99,6 +102,9 @@ class DriverNode:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard,
                               CustodyFile(config.ip, config.command_port))
+        supervisor = supervisor_of(os.environ)
+        if supervisor is not None:
+            self._arm.add_task(supervisor)
         self._frames = FrameReader(self._arm)
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
@@ -289,8 +295,11 @@ def main(argv: Optional[List[str]] = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # a log in a file is to be complete while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
+    if "WATCHDOG_USEC" in os.environ:
+        faulthandler.enable()  # the supervisor ends a hang by SIGABRT: where each thread stood is in its log then
     try:
         refuse_words_that_are_not_taken(sys.argv[1:])
+        wait_for_master(_NAME)
         refuse_second_node(resolved_node_name(_NAME, sys.argv))
     except JakaError as error:
         print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)

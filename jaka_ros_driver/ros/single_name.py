@@ -8,13 +8,9 @@ The master asks at the older one's address. Where that node was killed, its port
 another master, too; rospy obeys.
 """
 import functools
-import http.client
 import logging
 import re
 from typing import Any, Sequence, Tuple
-from xml.parsers.expat import ExpatError
-from xmlrpc.client import Error as XmlRpcError
-from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rosgraph.names
@@ -23,13 +19,12 @@ from rospy.impl import masterslave
 
 from jaka_ros_driver.protocol.texts import printable
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
+from jaka_ros_driver.ros.short_calls import NobodyThere, Unanswered, ask
 
 _LOG = logging.getLogger(__name__)
 
-_TIMEOUT_S = 1.0
 _MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
 """The beginning of a master's reason for a shutdown: the name of the node that it means (rosmaster.master_api)."""
-_OTHERWISE = (ConnectionError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 
 def resolved_node_name(default: str, argv: Sequence[str]) -> str:
@@ -53,19 +48,19 @@ def refuse_second_node(name: str) -> None:
     answer at all is taken for it: a process that was stopped (SIGSTOP) goes on later.
     """
     try:
-        uri = _ask(rosgraph.get_master_uri(), "lookupNode", name, name)
-    except (_NobodyThere, _NoAnswer):
+        uri = ask(rosgraph.get_master_uri(), "lookupNode", name, name)
+    except (NobodyThere, Unanswered):
         return
     if not isinstance(uri, str) or not uri:
         return
     try:
-        pid = _ask(uri, "getPid", name)  # the one question that roscpp and rospy both answer
-        if not isinstance(pid, int) or _ask(uri, "getName", name) not in (name, None):
+        pid = ask(uri, "getPid", name)  # the one question that roscpp and rospy both answer
+        if not isinstance(pid, int) or ask(uri, "getName", name) not in (name, None):
             return
         state = "pid %d" % pid
-    except _NobodyThere:
+    except NobodyThere:
         return
-    except _NoAnswer:
+    except Unanswered:
         state = "it does not answer"
     raise AlreadyDriven("the node %s runs already (%s at %s); a second one of its name would end it. End it first, or "
                         "give this one another name or namespace" % (name, state, uri))
@@ -85,42 +80,3 @@ def refuse_shutdown_of_others() -> None:
         return 0, "this is %s" % rospy.get_name(), 0
 
     masterslave.ROSHandler.shutdown = shutdown  # type: ignore[method-assign]
-
-
-def _ask(uri: str, method: str, *arguments: str) -> Any:
-    """Return what a master or node answers, None where that is an error.
-
-    Raises:
-        _NobodyThere: Nothing listens at the address.
-        _NoAnswer: Something listens, and says nothing in time.
-    """
-    try:
-        with ServerProxy(uri, transport=_ShortTransport()) as proxy:
-            code, _, value = getattr(proxy, method)(*arguments)
-        return value if code == 1 else None
-    except _OTHERWISE:
-        return None
-    except OSError as error:  # a time limit that has passed: socket.timeout is no TimeoutError before Python 3.10
-        raise _NoAnswer from error
-
-
-class _NobodyThere(Exception):
-    """The error that nothing listens at the address."""
-
-
-class _NoAnswer(Exception):
-    """The error that what listens at the address does not answer."""
-
-
-class _ShortTransport(Transport):
-    """A transport with a time limit; the standard one waits for ever for a process that was stopped (SIGSTOP)."""
-
-    def make_connection(self, host: Any) -> http.client.HTTPConnection:
-        connection = super().make_connection(host)
-        connection.timeout = _TIMEOUT_S
-        if connection.sock is None:
-            try:
-                connection.connect()
-            except OSError as error:
-                raise _NobodyThere from error
-        return connection

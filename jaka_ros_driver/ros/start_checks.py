@@ -9,13 +9,14 @@ import logging
 import os
 import re
 import socket
+import sys
 import threading
 import time
 from typing import Any, Callable, Container, Dict, Sequence
 from urllib.parse import urlsplit
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error as XmlRpcError
-from xmlrpc.client import ServerProxy, Transport
+from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
@@ -24,6 +25,7 @@ from rospy.impl import registration, tcpros_base
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, table
+from jaka_ros_driver.ros.short_calls import NobodyThere, ShortTransport, Unanswered, ask
 
 _LOG = logging.getLogger(__name__)
 
@@ -31,6 +33,7 @@ _CONNECT_TIMEOUT_S = 3.0
 _PROBE_TIMEOUT_S = 0.5
 _LOOK_S = 0.05
 _LOG_PERIOD_S = 10.0
+_MASTER_LOOK_S, _MASTER_LOG_PERIOD_S = 0.2, 60.0
 _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
 
 
@@ -83,6 +86,46 @@ def _problem_of(word: str, names: Container[str]) -> str:
     return ""
 
 
+# ---- the master is there ----
+
+def wait_for_master(name: str) -> None:
+    """Wait until the ROS master answers; call before ``rospy.init_node``, which sets parameters of the command line.
+
+    It ends with a traceback where there is no master yet, as at the start of a computer. A signal ends the process.
+
+    Args:
+        name: The node's own name, for the master.
+
+    Raises:
+        WrongParameter: ROS_MASTER_URI is no address of a master.
+    """
+    uri = rosgraph.get_master_uri()
+    if not is_master_uri(uri):
+        raise WrongParameter("ROS_MASTER_URI is %.100r, and not like http://HOST:11311" % uri)
+    told_at = float("-inf")
+    while True:
+        try:
+            ask(uri, "getPid", "/" + name)
+            return
+        except NobodyThere as error:
+            reason = str(error.__cause__)
+        except Unanswered:
+            reason = "it does not answer"
+        if time.monotonic() - told_at > _MASTER_LOG_PERIOD_S:
+            told_at = time.monotonic()
+            print("WARNING: %s waits for the ROS master at %s: %s" % (name, uri, reason), file=sys.stderr, flush=True)
+        time.sleep(_MASTER_LOOK_S)
+
+
+def is_master_uri(uri: str) -> bool:
+    """Return whether this can be the address of a ROS master."""
+    try:
+        parts = urlsplit(uri)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and bool(parts.port)
+    except ValueError:
+        return False
+
+
 # ---- clients can reach this node ----
 
 def refuse_unreachable_node() -> None:
@@ -91,23 +134,7 @@ def refuse_unreachable_node() -> None:
     Raises:
         Unreachable: Its host name does not resolve, or nobody or somebody else answers there.
     """
-    uri = rospy.get_node_uri()
-    parts = urlsplit(uri)
-    host, port = parts.hostname or "", parts.port or 0
-    try:
-        socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:
-        raise Unreachable("clients are told to reach this node at %s, but %r has no address (%s); %s"
-                          % (uri, host, error, _settings())) from None
-    try:
-        with ServerProxy(uri, transport=_ShortTransport()) as proxy:
-            answer: Any = proxy.getPid(rospy.get_name())
-    except (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError) as error:
-        raise Unreachable("clients are told to reach this node at %s, but it does not answer there (%s); %s"
-                          % (uri, error, _settings())) from None
-    if not isinstance(answer, (list, tuple)) or list(answer[::2]) != [1, os.getpid()]:
-        raise Unreachable("clients are told to reach this node at %s, but another program answers there; %s"
-                          % (uri, _settings()))
+    require_own_answer(rospy.get_node_uri(), rospy.get_name())
     address = tcpros_base.get_tcpros_server_address()
     try:
         socket.create_connection(address, _CONNECT_TIMEOUT_S).close()
@@ -116,21 +143,32 @@ def refuse_unreachable_node() -> None:
                           "(%s); %s" % (address[0], address[1], error, _settings())) from None
 
 
+def require_own_answer(uri: str, name: str) -> None:
+    """Raise Unreachable unless this process answers at an XML-RPC address that is given to others as this node's."""
+    parts = urlsplit(uri)
+    host, port = parts.hostname or "", parts.port or 0
+    try:
+        socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise Unreachable("clients are told to reach this node at %s, but %r has no address (%s); %s"
+                          % (uri, host, error, _settings())) from None
+    try:
+        with ServerProxy(uri, transport=ShortTransport(_CONNECT_TIMEOUT_S)) as proxy:
+            answer: Any = proxy.getPid(name)
+    except (OSError, NobodyThere, XmlRpcError, http.client.HTTPException, ExpatError, ValueError) as error:
+        raise Unreachable("clients are told to reach this node at %s, but it does not answer there (%s); %s"
+                          % (uri, error.__cause__ or error, _settings())) from None
+    if not isinstance(answer, (list, tuple)) or list(answer[::2]) != [1, os.getpid()]:
+        raise Unreachable("clients are told to reach this node at %s, but another program answers there; %s"
+                          % (uri, _settings()))
+
+
 def _settings() -> str:
     """Return a text that names the setting which the address comes from."""
     for name in ("ROS_HOSTNAME", "ROS_IP"):
         if os.environ.get(name):
             return "the address comes from %s=%s" % (name, os.environ[name])
     return "the address is this computer's name; set ROS_IP or ROS_HOSTNAME"
-
-
-class _ShortTransport(Transport):
-    """A transport with a time limit."""
-
-    def make_connection(self, host: Any) -> http.client.HTTPConnection:
-        connection = super().make_connection(host)
-        connection.timeout = _CONNECT_TIMEOUT_S
-        return connection
 
 
 # ---- time runs ----

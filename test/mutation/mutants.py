@@ -497,7 +497,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("frames read during a change are kept", "ros/frame_table.py",
            "if changes == self._changes and changes % 2 == 0:", "if True:", FRAMES),
     Mutant("tools are taken for user frames", "ros/frame_table.py",
-           "return _entry(self._users, state.user_frame_id)", "return _entry(self._tools, state.user_frame_id)",
+           "return frame_of(self._users, state.user_frame_id)", "return frame_of(self._tools, state.user_frame_id)",
            FRAMES),
     Mutant("a terminal beyond the bank is read", "ros/services/handlers.py",
            "if terminal.index >= len(values):", "if terminal.index > len(values):", SERVICES),

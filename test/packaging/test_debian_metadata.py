@@ -114,10 +114,42 @@ def test_the_vendored_wheels_are_pinned_by_hash():
     assert names == ["mcap", "rosbags"]
 
 
+UNITS = {"jaka-driver@arm.service": "python3-jaka-ros-driver.jaka-driver@.service",
+         "jaka-black-box@arm.service": "python3-jaka-ros-driver.jaka-black-box@.service",
+         "jaka-panel.service": "jaka-panel.service"}
+"""The services, as they are started, and their files."""
+
+
 @pytest.fixture(scope="module")
 def unit():
-    path, = DEBIAN.glob("*.service")
-    return path
+    return DEBIAN / UNITS["jaka-driver@arm.service"]
+
+
+def test_every_service_is_installed_and_none_is_enabled_or_started():
+    assert {path.name for path in DEBIAN.glob("*.service")} == set(UNITS.values())
+    lines = re.findall(r"^\tdh_installsystemd (.*)$", (DEBIAN / "rules").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(lines) == len(UNITS) and all("--no-enable --no-start" in line for line in lines)
+    named = [re.search(r"--package=(\S+).*?(?:--name=(\S+))?$", line).groups("") for line in lines]
+    assert {".".join(filter(None, [*words, "service"])) for words in named} == set(UNITS.values())
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_service_is_started_again_within_limits_and_not_where_that_is_in_vain(name):
+    lines = (DEBIAN / UNITS[name]).read_text(encoding="utf-8").splitlines()
+    assert {"Restart=on-failure", "RestartSec=5", "StartLimitIntervalSec=600", "StartLimitBurst=20",
+            "RestartPreventExitStatus=2"} <= set(lines)
+
+
+def test_the_panels_token_stays_out_of_the_journal():
+    lines = (DEBIAN / UNITS["jaka-panel.service"]).read_text(encoding="utf-8").splitlines()
+    assert "StandardOutput=null" in lines and "StateDirectoryMode=0700" in lines
+    start, = (line for line in lines if line.startswith("ExecStart="))
+    assert "--token-file /var/lib/jaka-panel/token" in start
+
+
+def test_the_driver_is_watched_from_when_it_runs_and_may_wait_for_its_master(unit):
+    lines = unit.read_text(encoding="utf-8").splitlines()
+    assert {"Type=notify", "NotifyAccess=main", "WatchdogSec=10", "TimeoutStartSec=infinity"} <= set(lines)
 
 
 def test_the_service_powers_no_arm_and_leaves_the_guard_alone(unit):
@@ -139,10 +171,11 @@ def test_the_service_starts_no_driver_without_address_and_model(unit, given):
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
-def test_systemd_finds_no_mistake_in_the_service_and_few_rights(unit, tmp_path):
-    copy = tmp_path / "jaka-driver@arm.service"
-    text = unit.read_text(encoding="utf-8")
-    copy.write_text(text.replace("/usr/bin/jaka_driver", "/bin/true"), encoding="utf-8")  # it need not be installed
+@pytest.mark.parametrize("name", UNITS)
+def test_systemd_finds_no_mistake_in_a_service_and_few_rights(name, tmp_path):
+    copy = tmp_path / name
+    text = (DEBIAN / UNITS[name]).read_text(encoding="utf-8")
+    copy.write_text(re.sub(r"/usr/bin/jaka_\w+", "/bin/true", text), encoding="utf-8")  # it need not be installed
     verified = subprocess.run(["systemd-analyze", "verify", "--man=no", str(copy)], stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True)
     assert verified.returncode == 0 and "jaka" not in verified.stdout, verified.stdout

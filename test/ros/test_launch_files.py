@@ -46,8 +46,9 @@ def identities(path, *arguments):
 
 
 def test_the_launch_files_are_these():
-    assert [path.name for path in FILES] == ["demo.launch", "display.launch", "gamepad.launch", "panel.launch",
-                                             "robot_start_launch.launch", "two_arms.launch"]
+    assert [path.name for path in FILES] == [
+        "arms.launch", "demo.launch", "display.launch", "gamepad.launch", "panel.launch", "robot_start_launch.launch",
+        "two_arms.launch"]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -61,6 +62,14 @@ def test_every_argument_is_documented(path):
 def test_roslaunch_lists_no_argument_as_required(path):
     # it takes an argument with an empty default for one
     assert [name for name, (_, default) in roslaunch.arg_dump.get_args([str(path)]).items() if not default] == []
+
+
+def test_what_one_must_think_about_is_the_table_of_the_page():
+    rows = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8").split("| argument | think about |\n")[1]
+    four = [row.split("`")[1] for row in rows.split("\n\n")[0].splitlines()[1:]]
+    given = roslaunch.arg_dump.get_args([START])
+    marked = [name for name, (doc, _) in given.items() if doc.startswith("Think about: ")]
+    assert marked == four == list(given)[:4] == ["ip", "model", "dh_file", "auto_enable"]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -121,6 +130,23 @@ def test_each_of_two_arms_has_a_name_of_its_own():
     assert set(by_arm) == {"/left/", "/right/"}
     assert all(given == sought for given, sought in by_arm.values())
     assert by_arm["/left/"] != by_arm["/right/"]
+
+
+def test_arms_of_one_file_each_have_their_parameters_and_nothing_is_powered():
+    path = str(ROOT / "launch" / "arms.launch")
+    config = roslaunch.config.load_config_default(
+        [(path, ["file:=%s" % (ROOT / "docs" / "examples" / "arms.yaml"), "arms:=left right", "black_box:=/boxes"])],
+        None, verbose=False)
+    params = {key: p.value for key, p in config.params.items()}
+    assert {(node.namespace, node.type) for node in config.nodes} == {
+        (space, kind) for space in ("/left/", "/right/") for kind in ("jaka_driver", "jaka_bag")}
+    assert all(node.required for node in config.nodes if node.type == "jaka_driver")
+    assert {node.namespace: node.args.split("'")[1] for node in config.nodes if node.type == "jaka_bag"} == {
+        "/left/": "/boxes/left", "/right/": "/boxes/right"}
+    for name, ip, model in (("left", "10.5.5.100", "zu7"), ("right", "10.5.5.101", "zu12")):
+        own = {key.split("/")[-1]: value for key, value in params.items() if key.startswith("/%s/jaka_driver/" % name)}
+        assert (own["ip"], own["model"], own["frame_prefix"]) == (ip, model, name + "_")
+        assert own["auto_enable"] is False and own["simulator"] == ""
 
 
 @pytest.mark.parametrize("arguments", [["ip:=10.5.5.100"], ["sim:=false"], ["sim:=0", "identity:=x"]], ids=str)

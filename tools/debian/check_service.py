@@ -170,6 +170,29 @@ def frozen() -> str:
     return told
 
 
+def early() -> str:
+    """Check that a driver that is started before the ROS master waits for it, without a second start."""
+    run("systemctl stop test-master")
+    run("systemctl start --no-block " + UNIT)
+    time.sleep(12.0)  # what must not come has no other sign
+    assert shown("ActiveState") == "activating" and shown("NRestarts") == "0", shown("NRestarts")
+    run("systemd-run --quiet --setenv=ROS_HOSTNAME=localhost --setenv=HOME=/root --unit=test-master roscore")
+    seconds = require(lambda: shown("ActiveState") == "active", "it is active with the master")
+    return "active %.1f s after the master" % seconds
+
+
+def watched() -> str:
+    """Check that systemd ends a driver that hangs at rest, notes its threads, and starts one that powers nothing."""
+    ready()
+    before, begun = int(shown("NRestarts")), time.time()
+    run("systemctl kill --kill-whom=main --signal=STOP " + UNIT)
+    seconds = require(lambda: shown("Result") == "watchdog" or int(shown("NRestarts")) > before, "it is ended")
+    require(lambda: int(shown("NRestarts")) > before and shown("ActiveState") == "active", "another one runs")
+    assert said("Fatal Python error: Aborted", begun) and said("arm_client.py", begun), "where its threads stood"
+    run("systemctl stop " + UNIT)
+    return "ended after %.1f s" % seconds
+
+
 def stopped() -> str:
     """Check that a stop of the service during a move stops the arm and leaves no process."""
     run("systemctl start " + UNIT)
@@ -203,7 +226,8 @@ def main() -> int:
             ("systemd-analyze verify, security", judged), ("no address, no model: no driver", incomplete),
             ("starts without rights, powers nothing", started), ("~power, ~enable, ~joint_move", moved),
             ("systemctl restart in a move", restarted), ("SIGKILL of the driver in a move", killed),
-            ("a hang in a move, SIGTERM to all, stop", frozen), ("systemctl stop in a move", stopped)):
+            ("a hang in a move, SIGTERM to all, stop", frozen), ("systemctl stop in a move", stopped),
+            ("started before the master", early), ("a hang at rest", watched)):
         check(name, attempt)
     failed = [name for name, result in results.items() if result != "works"]
     print("service: %d passed, %d failed" % (len(results) - len(failed), len(failed)), flush=True)

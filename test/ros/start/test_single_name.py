@@ -172,7 +172,7 @@ def test_without_a_master_nothing_is_refused(monkeypatch, uri):
 def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, known_as, is_refused):
     # A node of roscpp gives no name.
     answers = {"lookupNode": "http://127.0.0.1:9/", "getName": known_as, "getPid": 1234}
-    monkeypatch.setattr(single_name, "_ask", lambda uri, method, *arguments: answers[method])
+    monkeypatch.setattr(single_name, "ask", lambda uri, method, *arguments: answers[method])
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     if is_refused:
         with pytest.raises(AlreadyDriven, match="/first"):
@@ -192,8 +192,8 @@ def test_a_stopped_node_holds_a_start_up_for_a_few_seconds_at_most(monkeypatch):
     monkeypatch.setattr(http.client.HTTPConnection, "getresponse", time_out)
     with socket.create_server(("127.0.0.1", 0)) as stopped:  # it takes connections and says nothing
         uri = "http://127.0.0.1:%d/" % stopped.getsockname()[1]
-        ask = single_name._ask
-        monkeypatch.setattr(single_name, "_ask", lambda to, method, *arguments: (
+        ask = single_name.ask
+        monkeypatch.setattr(single_name, "ask", lambda to, method, *arguments: (
             uri if method == "lookupNode" else ask(to, method, *arguments)))
         with pytest.raises(AlreadyDriven, match="it does not answer"):
             refuse_second_node("/first")

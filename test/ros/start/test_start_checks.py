@@ -41,6 +41,23 @@ def refusal(simulator, environment=None, expected=CONFIGURATION, **parameters):
     return said
 
 
+def test_a_driver_that_is_started_before_the_master_waits_and_then_starts(roscore):
+    roscore.kill()
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("early", {"ROS_MASTER_URI": roscore.uri}, **on(simulator, guard=False)) as driver:
+        lines = iter(driver.process.stdout)
+        assert "waits for the ROS master at %s" % roscore.uri in next(lines)
+        roscore.start()
+        assert any("driving a JAKA" in line for line in lines)
+
+
+@pytest.mark.parametrize("uri", ["master", "http://master", "http://master:no"])
+def test_an_address_that_no_master_can_have_is_refused_in_one_line(ros_node, uri):
+    with DriverProcess("lost", {"ROS_MASTER_URI": uri}) as driver:
+        code, said = driver.wait()
+    assert code == CONFIGURATION and said.count("\n") == 1 and "ROS_MASTER_URI is %r" % uri in said
+
+
 def untouched(simulator):
     state = simulator.state()
     return not state["is_powered"] and not state["is_enabled"]

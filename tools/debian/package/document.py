@@ -17,6 +17,7 @@ import shtab
 SUMMARIES = {
     "check_moveit_config": "check a MoveIt configuration of a JAKA arm against the driver",
     "jaka_bag": "record, play, convert, inspect and compare state logs of ROS 1",
+    "jaka_doctor": "find what a computer lacks for the ROS driver of a JAKA arm",
     "jaka_driver": "ROS driver of one JAKA arm",
     "jaka_foxglove": "show a running ROS 1 system to Foxglove and Lichtblick",
     "jaka_panel": "operator's page in the browser for JAKA arms",
@@ -25,7 +26,8 @@ SUMMARIES = {
     "jaka_sim proxy": "record what passes between a driver and a controller",
     "migrate_cell": "read and change a cell that was written for the maker's driver of JAKA arms",
 }
-PARSED = {"check_moveit_config": "jaka_migration.moveit_config", "jaka_driver": "jaka_ros_driver.ros.node",
+PARSED = {"check_moveit_config": "jaka_migration.moveit_config", "jaka_doctor": "jaka_ros_driver.doctor.program",
+          "jaka_driver": "jaka_ros_driver.ros.node",
           "jaka_panel": "jaka_panel.program", "jaka_sim": "jaka_ros_driver.simulation.__main__",
           "migrate_cell": "jaka_migration.cell"}
 """Programs whose parser is asked; jaka_bag has completions of its own."""
