@@ -63,6 +63,12 @@ def examined(check: Examination, subject: ExaminedSystem) -> ReportLine:
             "%s: %s" % (type(error).__name__, error), "this check failed, and says nothing", "send the bundle"))
 
 
+def _given(text: str) -> str:
+    if not text.strip():  # a variable of the shell that is not set must not be taken for no option
+        raise argparse.ArgumentTypeError("it is empty")
+    return text
+
+
 def main(argv: Optional[List[str]] = None) -> int:
     """Make all checks and print them.
 
@@ -76,12 +82,13 @@ def main(argv: Optional[List[str]] = None) -> int:
                              "model:=zu7. Parameters that are not given are those of --node, if it has any")
     parser.add_argument("--node", metavar="NAME", default="/jaka_driver",
                         help="the driver's node, with its namespace; default: /jaka_driver")
-    parser.add_argument("--black-box", metavar="FOLDER", default="",
+    parser.add_argument("--black-box", metavar="FOLDER", type=_given,
                         help="folder of the black box; default: the disk of the log folder is measured")
     parser.add_argument("--status-only", action="store_true", help="do not connect to the command port at all")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
-    parser.add_argument("--bundle", metavar="FILE", help="write a new .tar.gz with what to send with a bug report: the "
-                        "report, the parameters, the newest log of the driver, without passwords, tokens and keys")
+    parser.add_argument("--bundle", metavar="FILE", type=_given,
+                        help="write a new .tar.gz with what to send with a bug report: the report, the parameters, the "
+                             "newest log of the driver, without passwords, tokens and keys")
     options = parser.parse_args(argv)
     try:
         given = _parameters(options.words)
@@ -143,7 +150,7 @@ def _subject(options: argparse.Namespace, given: Dict[str, Any]) -> ExaminedSyst
         pass
     source = " and ".join(filter(None, [
         "parameters of %s" % node if kept else "", "the words given" if given else ""])) or "the driver's defaults"
-    return ExaminedSystem({**kept, **given}, source, node, options.black_box, options.status_only)
+    return ExaminedSystem({**kept, **given}, source, node, options.black_box or "", options.status_only)
 
 
 def _parameters(words: Sequence[str]) -> Dict[str, Any]:

@@ -208,6 +208,7 @@ def test_a_log_in_a_file_is_complete_while_the_driver_runs(monkeypatch, is_text)
     monkeypatch.setattr(node, "ask_for_short_slices", lambda: None)
     monkeypatch.setattr(node.sys, "setswitchinterval", lambda seconds: None)
     monkeypatch.setattr(node.signal, "signal", lambda *arguments: None)
+    monkeypatch.setattr(node, "wait_for_master", lambda name: None)
     monkeypatch.setattr(node, "refuse_second_node", mock.Mock(side_effect=InvalidCommand("another one runs")))
     assert node.main([]) == 2
     assert not is_text or stdout.line_buffering
