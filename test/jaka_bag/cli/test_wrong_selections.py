@@ -156,14 +156,16 @@ def test_the_version(capsys):
 
 
 def test_what_cannot_be_made_is_said_without_the_definition(tmp_path, capsys):
-    for encoding, schema in (("json", "jsonschema"), ("protobuf", "protobuf")):
+    for encoding, schema, why in (("json", "jsonschema", "the JSON Schema of Kind cannot be read"),
+                                  ("protobuf", "protobuf", "the descriptors of Kind cannot be read"),
+                                  ("cbor", "cddl", "messages encoded as cbor, described by cddl, cannot be decoded")):
         with McapWriter(tmp_path / (encoding + ".mcap"), profile="") as writer:
             channel = writer.add_channel(Connection("/x", "Kind", definition="{}" * 1000, encoding=encoding,
                                                     schema_encoding=schema))
             writer.add_message(channel, 5, b"{}")
         assert main(["convert", str(tmp_path / (encoding + ".mcap")), str(tmp_path / "o"), "--profile", "ros2"]) == 1
         text = said(capsys)
-        assert "/x (Kind): messages encoded as %s, described by %s, cannot be decoded" % (encoding, schema) in text
+        assert "/x (Kind): %s" % why in text
         assert len(text) < 300
 
 

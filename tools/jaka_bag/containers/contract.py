@@ -2,6 +2,7 @@
 
 A format subclasses both, and states in ``LogWriter.capabilities`` what its files have a place for.
 """
+import traceback
 from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
 import numpy as np
@@ -172,6 +173,7 @@ class LogReader:
         except (LimitReached, NotSupported) as error:
             raise type(error)("%s: chunk at byte %d: %s" % (self.path, chunk.position, error)) from error
         except BagFormatError as error:
+            traceback.clear_frames(error.__traceback__)  # they hold the chunk, and the advice may unpack it once more
             raise BagFormatError(self.advice("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)" % (
                 self.path, chunk.position, error))) from error
 

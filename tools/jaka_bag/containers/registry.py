@@ -1,6 +1,7 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
 import importlib
 import os
+import traceback
 from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 
 from ..errors import BagError, BagFormatError
@@ -89,11 +90,11 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
         index: LogIndex = load(entry.records).read_index(path, descriptor) or load(entry.walk)(path, descriptor)
     except BagFormatError as error:
         if not (entry.active and str(path).endswith(".active")):
-            raise BagFormatError("%s: %s" % (path, _with_true_hint(entry, path, str(error)))) from error
+            raise BagFormatError("%s: %s" % (path, _text_of(entry, path, error))) from error
         try:
             index = load(entry.active)(path, descriptor)
         except BagFormatError as damage:
-            raise BagFormatError("%s: %s" % (path, _with_true_hint(entry, path, str(damage)))) from damage
+            raise BagFormatError("%s: %s" % (path, _text_of(entry, path, damage))) from damage
     return index
 
 
@@ -110,6 +111,11 @@ def _keeps_any(entry: Format, path: PathLike) -> bool:
             return bool(ids & recovery.connections.keys())
     except BagError:
         return False
+
+
+def _text_of(entry: Format, path: PathLike, error: BagFormatError) -> str:
+    traceback.clear_frames(error.__traceback__)  # they hold the chunk, which the search for a message unpacks once more
+    return _with_true_hint(entry, path, str(error))
 
 
 def _with_true_hint(entry: Format, path: PathLike, text: str) -> str:
