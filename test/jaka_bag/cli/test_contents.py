@@ -86,7 +86,7 @@ def test_messages_that_are_json_are_taken_as_they_are_and_others_are_refused(tmp
         writer.add_message(writer.add_channel(Connection("/p", "P", encoding="protobuf", schema_encoding="protobuf")),
                            6, b"\x08\x01")
     assert lines(capsys, tmp_path / "j.mcap", "-t", "/j")[0]["message"] == {"a": [1]}
-    assert "/p (P): messages encoded as protobuf, described by protobuf, cannot be decoded" in call(
+    assert "/p (P): the descriptors of P cannot be read" in call(
         capsys, "cat", tmp_path / "j.mcap", "-t", "/p", code=1).err
 
 
