@@ -18,8 +18,12 @@ def raise_at_first_signal() -> None:
 
 def _raise_once(number: int, frame: Any) -> None:
     for each in _NUMBERS:
-        signal.signal(each, signal.SIG_IGN)
+        signal.signal(each, _pass)  # not SIG_IGN, which a process begun from here on would inherit
     raise KeyboardInterrupt
+
+
+def _pass(number: int, frame: Any) -> None:
+    pass
 
 
 @contextlib.contextmanager
