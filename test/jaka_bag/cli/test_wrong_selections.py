@@ -196,7 +196,7 @@ def test_what_cannot_be_read_is_named_for_what_it_is(tmp_path, capsys):
     folder.mkdir()
     (folder / "talk_0.db3").write_bytes(b"SQLite format 3\0")
     assert main(["info", str(folder)]) == 1
-    assert "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" in capsys.readouterr().err
+    assert "without its metadata.yaml (jaka_bag recover makes one that has it)" in capsys.readouterr().err
     log = write(tmp_path / "log.mcap", SAMPLES, "zstd")
     raw = log.read_bytes().replace(b"\x04\0\0\0zstd", b"\x04\0\0\0zstx")
     (tmp_path / "odd.mcap").write_bytes(raw[:-12] + bytes(4) + raw[-8:])  # without the summary's CRC

@@ -9,7 +9,7 @@ from .options import Report, add_report
 EPILOG = """\
 Reads all of the file: records, checksums, index against content, attachments; definitions, their md5, and whether the
 first messages of each topic are what they say. An error means that something is lost or cannot be trusted, a warning
-that some program will stumble over the log.
+that some program will stumble over the log. Of a rosbag2 folder all files are read, and compared with metadata.yaml.
 
 examples:
   jaka_bag doctor run.bag
@@ -23,7 +23,7 @@ _VERDICTS = {DAMAGED: "damaged: jaka_bag recover keeps the %d messages that can 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag doctor`` to a parser."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap, .mcap.active or a rosbag2 folder")
     add_report(parser)
 
 

@@ -7,11 +7,13 @@ from .options import Report, add_compression, add_output, add_report
 
 EPILOG = """\
 Keeps everything that can be read of a log that was cut off (.bag.active, .mcap.active, a crash, a full disk), has no
-index, or is damaged. What is lost is said, with the bytes concerned. The input is not changed.
+index, or is damaged. What is lost is said, with the bytes concerned. The input is not changed. Of a rosbag2 folder
+(MCAP or sqlite3, with metadata.yaml or not) the files are read in order; they become a folder with new metadata.yaml.
 
 examples:
   jaka_bag recover run.bag.active
   jaka_bag recover damaged.mcap saved.mcap
+  jaka_bag recover run_of_ros2/
 
 Exit code: 0 nothing is known to be lost, 1 the result is partial or there is none, 2 usage.
 """
@@ -19,9 +21,10 @@ Exit code: 0 nothing is known to be lost, 1 the result is partial or there is no
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag recover`` to a parser."""
-    parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active")
+    parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active, a rosbag2 folder")
     parser.add_argument("target", metavar="DST", nargs="?",
-                        help=".bag or .mcap; default: SRC without .active, or NAME.recovered.bag")
+                        help=".bag or .mcap, or a folder of a folder; default: SRC without .active, "
+                        "NAME.recovered.bag, or NAME_recovered")
     add_output(parser, "the same as DST", False)
     add_compression(parser)
     add_report(parser)

@@ -7,6 +7,8 @@ contract      what every format offers: a reader and a writer, chunks as batches
 recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0
 mcap          MCAP
+rosbag2_recovery   what reads a damaged rosbag2 folder
+sqlite_recovery   what reads a damaged database of one
 rosbag2       rosbag2 folders (MCAP with CDR messages), written
 rosbag2_folder   rosbag2 folders, read by the library rosbags
 rosbag2_reader   the same behind the contract

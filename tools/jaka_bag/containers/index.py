@@ -10,6 +10,8 @@ from ..paths import PathLike
 
 METADATA = "metadata.yaml"
 """The file that makes a folder one of rosbag2."""
+STORAGE_SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+"""Suffixes of its files of messages."""
 Buffer = Union[bytes, bytearray, memoryview]
 
 
@@ -161,15 +163,24 @@ def is_rosbag2(path: PathLike) -> bool:
     return os.path.isfile(os.path.join(str(path), METADATA))
 
 
+def is_folder_of_messages(path: PathLike) -> bool:
+    """Return whether a path is a rosbag2 folder, or one that lacks its ``metadata.yaml``."""
+    if not os.path.isdir(str(path)):
+        return False
+    try:
+        return any(name == METADATA or name.endswith(STORAGE_SUFFIXES) for name in os.listdir(str(path)))
+    except OSError:
+        return False
+
+
 def _what_is_there(path: str) -> str:
     """Return a word for a path that is no plain file."""
     if not os.path.isdir(path):
         return "no plain file"
-    names = os.listdir(path)
-    if METADATA in names:
+    if is_rosbag2(path):
         return "a rosbag2 folder (jaka_bag convert makes a log of it)"
-    is_part = any(name.endswith((".db3", ".mcap")) for name in names)
-    return "a rosbag2 folder without its metadata.yaml ('ros2 bag reindex' makes one)" if is_part else "a folder"
+    return ("a rosbag2 folder without its metadata.yaml (jaka_bag recover makes one that has it)"
+            if is_folder_of_messages(path) else "a folder")
 
 
 def open_for_reading(path: PathLike) -> BinaryIO:

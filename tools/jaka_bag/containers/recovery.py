@@ -19,6 +19,7 @@ class Loss(NamedTuple):
         reason: The reason, for users.
         after: Log time, ns, of the last message that was read before it; None where there is none.
         until: Log time, ns, of the first message that was read behind it; None where there is none.
+        file: Name of the file of a folder; empty where the log is one file.
     """
 
     begin: int
@@ -26,6 +27,7 @@ class Loss(NamedTuple):
     reason: str
     after: Optional[int] = None
     until: Optional[int] = None
+    file: str = ""
 
     def describe(self) -> str:
         """Return the loss as one line; times are in s."""
@@ -37,7 +39,7 @@ class Loss(NamedTuple):
             place += ", behind the message of %s" % _seconds(self.after)
         elif self.until is not None:
             place += ", before the message of %s" % _seconds(self.until)
-        return "%s: %s" % (place, self.reason)
+        return "%s%s: %s" % (self.file and self.file + ": ", place, self.reason)
 
 
 def _seconds(time: int) -> str:
@@ -144,6 +146,14 @@ class LogRecovery:
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """Return the content of one of ``metadata``."""
         raise NotImplementedError
+
+    def contradictions(self, counts: Dict[int, int]) -> List[str]:
+        """Return where a rosbag2 folder's declarations disagree with its files, one line each; empty for files.
+
+        Args:
+            counts: Messages that were read, by number of the connection.
+        """
+        return []
 
     def _unpack(self, codec: str, data: Buffer, at: int, size: Optional[int] = None, is_whole: bool = True
                 ) -> Tuple[Buffer, str]:

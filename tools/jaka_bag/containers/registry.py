@@ -1,4 +1,5 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
+import contextlib
 import importlib
 import os
 import traceback
@@ -6,7 +7,16 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Opt
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, is_rosbag2, open_for_reading, read_at
+from .index import (
+    CodecTotals,
+    LogIndex,
+    MetadataIndex,
+    codec_totals,
+    is_folder_of_messages,
+    is_rosbag2,
+    open_for_reading,
+    read_at,
+)
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -54,6 +64,7 @@ FORMATS = (
 )
 _PIECE = 1 << 20
 ROSBAG2_READER = "jaka_bag.containers.rosbag2_reader:Rosbag2Reader"
+ROSBAG2_RECOVERY = "jaka_bag.containers.rosbag2_recovery:Rosbag2Recovery"
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 """Writes folders, which have no suffix."""
 
@@ -79,7 +90,7 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
         raise BagFormatError("%s is a bag of version %s; only 1.2 and 2.0 can be read ('rosbag fix' converts others)"
                              % (path, head.partition(b" V")[2].split(b"\n")[0].decode("ascii", "replace")))
     if head.startswith(b"SQLite format 3"):
-        raise BagFormatError("%s is a part of a rosbag2 folder: give the folder to info or convert" % path)
+        raise BagFormatError("%s is a part of a rosbag2 folder: give the folder" % path)
     if not head:
         raise BagFormatError("%s is empty" % path)
     raise BagFormatError("%s is neither a .bag nor an .mcap file" % path)
@@ -227,14 +238,21 @@ def open_log(path: PathLike) -> "LogReader":
     return reader
 
 
-def open_damaged(path: PathLike, descriptor: int) -> "LogRecovery":
-    """Return the recovery reader for an open log that may be damaged.
+@contextlib.contextmanager
+def open_damaged(path: PathLike) -> Iterator["LogRecovery"]:
+    """Open a log or a rosbag2 folder, damaged or not, for recovery; it is closed at the end of the ``with`` block.
 
     Raises:
-        BagFormatError: The log is of no known format, or encrypted.
+        BagFormatError: It is of no known format, or encrypted.
+        BagError: It cannot be opened.
     """
-    recovery: LogRecovery = load(detect_format(path, descriptor).recovery)(descriptor, os.fstat(descriptor).st_size)
-    return recovery
+    if is_folder_of_messages(path):
+        yield load(ROSBAG2_RECOVERY)(path)
+        return
+    with open_for_reading(path) as file:
+        recovery: LogRecovery = load(detect_format(path, file.fileno()).recovery)(
+            file.fileno(), os.fstat(file.fileno()).st_size)
+        yield recovery
 
 
 def create_log(path: PathLike, compression: Optional[str] = None, level: Optional[int] = None,

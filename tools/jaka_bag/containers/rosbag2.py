@@ -1,8 +1,8 @@
-"""The writer of rosbag2 folders (MCAP storage, CDR messages) from ROS 1 messages."""
+"""The writer of rosbag2 folders (MCAP storage) from ROS 1 messages, which become CDR, or from those of ROS 2."""
 import os
 import shutil
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional
 
 import numpy as np
 import yaml
@@ -36,7 +36,7 @@ def _yaml(value: Any) -> str:
 
 
 class Rosbag2Writer(McapWriter):
-    """A rosbag2 folder being written as ``NAME.part``; takes ROS 1 connections and messages.
+    """A rosbag2 folder being written as ``NAME.part``; messages of ROS 1 become CDR, which is kept where it is given.
 
     Args:
         folder: Final path of the folder.
@@ -61,7 +61,7 @@ class Rosbag2Writer(McapWriter):
             raise BagError("cannot write %s: %s" % (self._working_folder, error.strerror)) from error
         self._converters: Dict[int, CdrConverter] = {}
         self._channel_of: Dict[Connection, int] = {}
-        self._topics: Dict[int, Tuple[Connection, str]] = {}
+        self._topics: Dict[int, Dict[str, str]] = {}
         try:
             super().__init__(self._working_folder / (self.folder.name + ".mcap"), compression, level, overwrite=True,
                              profile="ros2")
@@ -78,22 +78,31 @@ class Rosbag2Writer(McapWriter):
             raise OutputExists("%s exists and is no rosbag2 folder: it is not overwritten" % self.folder)
 
     def add_channel(self, connection: Connection) -> int:
-        """Return the channel id of a ROS 1 connection; those of one topic, type and quality of service share it."""
+        """Return the channel id of a connection; those of ROS 1 of one topic, type and quality of service share it."""
         known = self._channel_of.get(connection)
         if known is not None:
             return known
-        converter = CdrConverter(connection)
-        qos = _yaml(_LATCHED).strip() if connection.latching else ""
-        channel = super().add_channel(Connection(
-            connection.topic, converter.kind.name, "", converter.kind.definition,
-            extra=(("offered_qos_profiles", qos),), encoding="cdr", schema_encoding="ros2msg"))
+        if connection.encoding != "cdr":
+            converter = CdrConverter(connection)
+            kind = converter.kind
+            qos = _yaml(_LATCHED).strip() if connection.latching else ""
+            channel = super().add_channel(Connection(
+                connection.topic, kind.name, "", kind.definition, extra=(("offered_qos_profiles", qos),),
+                encoding="cdr", schema_encoding="ros2msg"))
+            self._converters.setdefault(channel, converter)
+            facts = (kind.name, "cdr", qos, kind.type_hash)
+        else:
+            channel = super().add_channel(connection)
+            extra = dict(connection.extra)
+            facts = (connection.datatype, connection.encoding, extra.get("offered_qos_profiles", ""),
+                     extra.get("topic_type_hash", ""))
         self._channel_of[connection] = channel
-        self._converters.setdefault(channel, converter)
-        self._topics[channel] = (connection, qos)
+        self._topics[channel] = {"name": connection.topic, **dict(zip((
+            "type", "serialization_format", "offered_qos_profiles", "type_description_hash"), facts))}
         return channel
 
     def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
-        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``."""
+        """Convert messages of ROS 1 to CDR and make a chunk of a batch; see ``LogWriter.encode``."""
         numbered = cdr_batch(batch.with_connections(channel_ids), self._converters)
         return super().encode(numbered, np.arange(int(channel_ids.max(initial=0)) + 1))
 
@@ -102,11 +111,8 @@ class Rosbag2Writer(McapWriter):
         start = self._start_time or 0
         span = {"duration": {"nanoseconds": max(0, self._end_time - start)},
                 "starting_time": {"nanoseconds_since_epoch": start}, "message_count": self.message_count}
-        topics = [{"topic_metadata": {
-            "name": connection.topic, "type": self._converters[channel].kind.name, "serialization_format": "cdr",
-            "offered_qos_profiles": qos, "type_description_hash": self._converters[channel].kind.type_hash},
-            "message_count": self._channel_counts.get(channel, 0)} for channel, (connection, qos)
-            in self._topics.items()]
+        topics = [{"topic_metadata": facts, "message_count": self._channel_counts.get(channel, 0)}
+                  for channel, facts in self._topics.items()]
         return {"version": _VERSION, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
                 "compression_format": "", "compression_mode": "", "relative_file_paths": [name],
                 "files": [{"path": name, **span}], "custom_data": None, "ros_distro": "unknown"}

@@ -79,7 +79,7 @@ class Rosbag2Folder:
             with self._library.Reader(Path(folder)) as reader:
                 sources = list(reader.connections)
         except Exception as error:  # ReaderError, OSError, errors of sqlite3: whatever the storage meets
-            raise BagError("%s: %s" % (folder, error)) from error
+            raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (folder, error)) from error
         for source in sources:
             self._take(source)
         if self.left_out and not self.connections:
@@ -122,4 +122,4 @@ class Rosbag2Folder:
                 wanted = [source for source in reader.connections if source.id in self._numbers]
                 yield from reader.messages(wanted, start=start, stop=stop) if wanted else ()
         except Exception as error:
-            raise BagError("%s: %s" % (self.folder, error)) from error
+            raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (self.folder, error)) from error

@@ -6,7 +6,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from .batch import Array, MessageBatch, distinct, windows
+from .batch import Array, MessageBatch, distinct, rows, windows
 from .connection import Connection
 from .layout import Group, Layout, LayoutFinder
 from .ros2_types import Ros2Type
@@ -96,13 +96,18 @@ def cdr_batch(batch: MessageBatch, converters: Dict[int, CdrConverter]) -> Messa
     """Convert messages to CDR, in the same order.
 
     Args:
-        batch: ROS 1 messages.
-        converters: Converters by number of the connection.
+        batch: Messages.
+        converters: Converters by number of the connection, for those of ROS 1; others are CDR already.
     """
+    if not converters:
+        return batch
     length = np.zeros(len(batch), np.int64)
     parts = []
     for number in distinct(batch.connection).tolist():
-        for which, made in converters[number].convert(batch, np.flatnonzero(batch.connection == number)):
+        chosen = np.flatnonzero(batch.connection == number)
+        for which, made in converters[number].convert(batch, chosen) if number in converters else (
+                (chosen[i:i + 1], rows(batch, chosen[i:i + 1], int(batch.length[chosen[i]])))
+                for i in range(len(chosen))):
             length[which] = made.shape[1]
             parts.append((which, made))
     start = np.cumsum(length) - length

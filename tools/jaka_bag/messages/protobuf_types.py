@@ -73,7 +73,8 @@ class ProtobufType:
         except (DefinitionError, MissingDependency):
             raise
         except Exception as error:  # DecodeError, KeyError, TypeError: whatever the library meets
-            raise DefinitionError("the descriptors of %s cannot be read (%s)" % (name, str(error)[:160])) from error
+            text = str(error.args[0] if isinstance(error, KeyError) and error.args else error)  # its text is a repr
+            raise DefinitionError("the descriptors of %s cannot be read (%s)" % (name, text[:160])) from error
         self._json = JsonType(name, json.dumps({
             "$ref": "#/definitions/" + name, "definitions": self._schemas}), "protobuf")
         self.name, self.definition = self._json.name, self._json.definition

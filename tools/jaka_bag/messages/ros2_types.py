@@ -120,6 +120,15 @@ def ros1_name(type_name: str) -> str:
     return type_name.replace("/msg/", "/", 1)
 
 
+def ros2_definition(name: str) -> str:
+    """Return the definition text of ``package/msg/Type`` that rosbags knows of ROS 2; empty where it knows none."""
+    try:
+        from rosbags.typesys import Stores, get_typestore
+        return str(get_typestore(Stores.ROS2_HUMBLE).generate_msgdef(name, ros_version=2)[0])
+    except Exception:  # KeyError, TypesysError, or rosbags is not installed
+        return ""
+
+
 class Ros1Type:
     """The ROS 1 side of a ROS 2 message type.
 

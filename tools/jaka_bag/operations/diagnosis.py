@@ -1,10 +1,10 @@
 """The diagnosis of a log, read as a whole: losses, oddities and facts worth knowing."""
+import os
 from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 
 from ..containers.contract import LogReader
-from ..containers.index import open_for_reading
 from ..containers.recovery import LogRecovery
 from ..containers.registry import open_damaged, open_log
 from ..errors import BagError, BagFormatError, DefinitionError
@@ -176,11 +176,27 @@ def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> N
             findings.error("metadata %s: %s" % (entry.name, error))
 
 
+def _look_at_folder(path: PathLike, recovery: LogRecovery, seen: _Messages, findings: _Findings) -> None:
+    """Compare what a rosbag2 folder declares with its files, and open it as other commands do."""
+    for text in recovery.contradictions(seen.counts):
+        findings.error(text)
+    if recovery.expected is None:  # no declarations that can be read
+        return
+    try:
+        with open_log(path) as reader:
+            for note in reader.index.notes:
+                findings.note("as a log of ROS 1: %s" % note)
+    except DefinitionError as error:
+        findings.note("ROS 1 can have none of it: %s" % str(error).replace("%s: " % path, "", 1))
+    except BagError as error:
+        findings.error("other commands cannot read it: %s" % str(error).replace("%s: " % path, "", 1))
+
+
 def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagnosis:
     """Read all of a log.
 
     Args:
-        path: A .bag or .mcap, damaged or not.
+        path: A .bag, .mcap or rosbag2 folder, damaged or not.
         on_progress: Receives the progress.
 
     Raises:
@@ -188,8 +204,7 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
         BagFormatError: It is of no known format, or encrypted.
     """
     findings = _Findings()
-    with open_for_reading(path) as file:
-        recovery = open_damaged(path, file.fileno())
+    with open_damaged(path) as recovery:
         seen = _Messages(recovery, findings)
         done = 0
         for stretch in recovery.stretches():
@@ -209,6 +224,9 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
     if recovery.misled and not str(path).endswith(".active"):
         findings.error("the index of %d chunks leads to other places than their messages" % recovery.misled)
     _look_at_connections(list(recovery.connections.values()), findings)
+    if os.path.isdir(str(path)):
+        _look_at_folder(path, recovery, seen, findings)
+        return _told(path, seen, findings)
     try:
         with open_log(path) as reader:
             if is_active:
@@ -217,5 +235,9 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
                 _look_at_index(reader, seen, findings)
     except BagError as error:
         findings.error("it has no usable index: %s" % str(error).replace("%s: " % path, "", 1))
+    return _told(path, seen, findings)
+
+
+def _told(path: PathLike, seen: _Messages, findings: _Findings) -> Diagnosis:
     order = ("error", "warning", "note")
     return Diagnosis(str(path), seen.total, tuple(sorted(findings.list, key=lambda f: order.index(f.level))))

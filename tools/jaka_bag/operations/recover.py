@@ -1,4 +1,5 @@
 """The recovery of a whole log from the readable parts of a cut-off, unindexed or damaged one."""
+import os
 import time
 from pathlib import Path
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
@@ -6,7 +7,6 @@ from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 import numpy as np
 
 from ..containers.contract import LogWriter
-from ..containers.index import open_for_reading
 from ..containers.recovery import LogRecovery, Loss
 from ..containers.registry import create_log, open_damaged
 from ..errors import BagError, BagFormatError
@@ -81,22 +81,23 @@ def _write(recovery: LogRecovery, writer: LogWriter, unknown: Dict[int, int],
     return written
 
 
-def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional[str], level: Optional[int],
+def _attempt(recovery: LogRecovery, path: str, target: PathLike, compression: Optional[str], level: Optional[int],
              overwrite: bool, known: Dict[int, Connection], on_progress: Optional[OnProgress]
-             ) -> Tuple[LogRecovery, int, Tuple[Loss, ...]]:
-    recovery = open_damaged(path, descriptor)
+             ) -> Optional[Tuple[int, Tuple[Loss, ...]]]:
+    """Write what can be read; None where connections were described behind their messages, which are known now."""
     for file_id, connection in known.items():
         recovery.connections.setdefault(file_id, connection)
     unknown: Dict[int, int] = {}
-    with create_log(target, compression, level, overwrite, recovery.profile) as writer:
+    as_folder = os.path.isdir(path) and not os.path.splitext(str(target))[1]
+    with create_log(target, compression, level, overwrite, recovery.profile, as_folder) as writer:
         written = _write(recovery, writer, unknown, on_progress)
         if not written and recovery.losses:
             raise BagFormatError("%s: no message could be read (%s)" % (path, recovery.losses[0].describe()))
         late: Set[int] = unknown.keys() & recovery.connections.keys() - known.keys()
         if late:  # described behind their messages
             writer.abort()
-            return _attempt(path, descriptor, target, compression, level, overwrite, dict(recovery.connections),
-                            on_progress)
+            known.update(recovery.connections)
+            return None
         copy_extras(recovery, writer)
         losses = (*recovery.losses, *(
             Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
@@ -105,7 +106,7 @@ def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional
             writer.add_metadata(ACCOUNT, {
                 "source": Path(path).name, "messages": str(written),
                 **{"lost %d" % number: loss.describe() for number, loss in enumerate(losses[:_MOST_IN_ACCOUNT], 1)}})
-    return recovery, written, losses
+    return written, losses
 
 
 def recover(source: PathLike, target: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
@@ -113,8 +114,8 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
     """Write all that can be read of a log into a new, whole one.
 
     Args:
-        source: .bag or .mcap by content, as ``.bag.active`` and ``.mcap.active``.
-        target: .bag or .mcap by suffix.
+        source: .bag or .mcap by content, as ``.bag.active`` and ``.mcap.active``, or a rosbag2 folder.
+        target: .bag or .mcap by suffix; of a rosbag2 folder without suffix one more.
         compression: None for the target format's default.
         level: The codec's level; None for its default.
         overwrite: Replace an existing target.
@@ -126,20 +127,26 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
     """
     begin = time.monotonic()
     refuse_same_file(source, target)
-    with open_for_reading(source) as file:
-        recovery, written, losses = _attempt(str(source), file.fileno(), target, compression, level, overwrite, {},
-                                             on_progress)
+    known: Dict[int, Connection] = {}
+    done = None
+    while done is None:
+        with open_damaged(source) as recovery:
+            done = _attempt(recovery, str(source), target, compression, level, overwrite, known, on_progress)
+    written, losses = done
     return Recovered(str(target), written, recovery.expected, losses, size_of(target),
                      time.monotonic() - begin, tuple(recovery.notes))
 
 
 def default_target(source: PathLike) -> Path:
-    """Return the path to recover to: the name without ``.active``, else with ``.recovered`` in it.
+    """Return the path to recover to: the name without ``.active``, else with ``recovered`` in it.
 
     Raises:
         BagError: The name does not show the format.
     """
     path = Path(source)
+    if path.is_dir():
+        path = Path(os.path.abspath(str(path)))
+        return path.with_name(path.name.replace(".", "_") + "_recovered")
     if path.suffix in (".active", ".part"):
         path = path.with_suffix("")
         if path.suffix in (".bag", ".mcap"):

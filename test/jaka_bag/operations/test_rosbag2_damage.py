@@ -1,0 +1,209 @@
+"""``doctor`` and ``recover`` of rosbag2 folders whose files, or ``metadata.yaml``, are damaged or not there."""
+import json
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+import yaml
+from log_samples import state_log, write
+
+from jaka_bag.cli.main import main
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+if not hasattr(rosbag2, "StoragePlugin"):
+    pytest.skip("this rosbags writes no sqlite3 of these types", allow_module_level=True)
+SQLITE3, MCAP = rosbag2.StoragePlugin.SQLITE3, rosbag2.StoragePlugin.MCAP
+
+
+def content(folder):
+    """Return what rosbags reads of a folder: (topic, type, time, CDR) in the order of time."""
+    with rosbag2.Reader(folder) as reader:
+        return sorted((c.topic, c.msgtype, time, bytes(raw)) for c, time, raw in reader.messages())
+
+
+def by_rosbags(source, folder, storage, mode=None):
+    """Have rosbags write the messages of a folder into another one, of the storage and the mode of compression."""
+    writer = rosbag2.Writer(folder, version=9, storage_plugin=storage)
+    if mode:
+        writer.set_compression(rosbag2.CompressionMode[mode], rosbag2.CompressionFormat.ZSTD)
+    with rosbag2.Reader(source) as reader, writer:
+        new = {c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01=c.digest,
+                                           offered_qos_profiles=c.ext.offered_qos_profiles)
+               for c in reader.connections}
+        for connection, log_time, raw in reader.messages():
+            writer.write(new[connection.id], log_time, raw)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    place = tmp_path_factory.mktemp("plain")
+    source = write(place / "source.bag", state_log(8.0))
+    assert main(["convert", str(source), str(place / "run"), "--profile", "ros2", "-q"]) == 0
+    return place / "run"
+
+
+def test_whole_folders_of_every_storage(plain, tmp_path, capsys):
+    expected = content(plain)
+    for name, storage, mode in (("mcap", MCAP, None), ("mcap_file", MCAP, "FILE"), ("sql", SQLITE3, None),
+                                ("sql_file", SQLITE3, "FILE"), ("sql_message", SQLITE3, "MESSAGE")):
+        folder = by_rosbags(plain, tmp_path / name, storage, mode)
+        assert main(["doctor", str(folder)]) == 0
+        assert "whole: %d messages" % len(expected) in capsys.readouterr().out
+        (folder / "metadata.yaml").unlink()
+        assert main(["info", str(folder)]) == 1
+        assert "jaka_bag recover makes one" in capsys.readouterr().err
+        assert main(["doctor", str(folder)]) == 1
+        out = capsys.readouterr().out
+        assert "error: there is no metadata.yaml" in out and "keeps the %d messages" % len(expected) in out
+        assert main(["recover", str(folder), "-q"]) == 0
+        assert content(tmp_path / (name + "_recovered")) == expected
+        assert main(["doctor", str(tmp_path / (name + "_recovered"))]) == 0
+
+
+def two_files(plain, folder, suffix):
+    """Split a folder's messages by time into files ``_9`` and ``_10`` under one ``metadata.yaml``."""
+    messages = content(plain)
+    middle = sorted(time for _, _, time, _ in messages)[len(messages) // 2]
+    folder.mkdir()
+    facts = None
+    for number, span in ((9, lambda time: time < middle), (10, lambda time: time >= middle)):
+        part = folder.parent / ("%s_part_%d" % (folder.name, number))
+        with rosbag2.Reader(plain) as reader, rosbag2.Writer(
+                part, version=9, storage_plugin=SQLITE3 if suffix == ".db3" else MCAP) as writer:
+            sources = list(reader.connections)
+            sources = sources if number == 9 else sources[::-1]  # its numbers of topics are others
+            new = {c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01=c.digest,
+                                               offered_qos_profiles=c.ext.offered_qos_profiles) for c in sources}
+            for connection, log_time, raw in reader.messages():
+                if span(log_time):
+                    writer.write(new[connection.id], log_time, raw)
+        name = "run_%d%s" % (number, suffix)
+        shutil.move(str(part / (part.name + suffix)), str(folder / name))
+        facts = facts or yaml.safe_load((part / "metadata.yaml").read_text())
+        facts["rosbag2_bagfile_information"].setdefault("names", []).append(name)
+    information = facts["rosbag2_bagfile_information"]
+    information["relative_file_paths"] = information.pop("names")
+    information["message_count"] = len(messages)
+    for topic in information["topics_with_message_count"]:
+        topic["message_count"] = sum(m[0] == topic["topic_metadata"]["name"] for m in messages)
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(facts))
+    return folder, messages, middle
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".mcap"])
+def test_several_files(plain, tmp_path, capsys, suffix):
+    folder, messages, middle = two_files(plain, tmp_path / "run", suffix)
+    assert main(["doctor", str(folder)]) == 0
+    capsys.readouterr()
+    assert main(["recover", str(folder), str(tmp_path / "all"), "-q"]) == 0
+    assert content(tmp_path / "all") == messages
+    (folder / "metadata.yaml").write_text("a: [")  # without it they are taken by their numbers
+    assert main(["recover", str(folder), str(tmp_path / "numbered"), "-q"]) == 0
+    with rosbag2.Reader(tmp_path / "numbered") as reader:
+        times = [time for _, time, _ in reader.messages()]
+    assert times == sorted(times) and content(tmp_path / "numbered") == messages
+    last = folder / ("run_10" + suffix)
+    last.write_bytes(b"")
+    assert main(["doctor", str(folder)]) == 1
+    capsys.readouterr()
+    assert main(["recover", str(folder), str(tmp_path / "first"), "--json"]) == 1
+    lost = json.loads(capsys.readouterr().out)["losses"]
+    assert [loss["file"] for loss in lost] == ["run_10" + suffix]
+    assert content(tmp_path / "first") == [m for m in messages if m[2] < middle]
+
+
+def test_a_file_that_is_named_and_not_there(plain, tmp_path, capsys):
+    folder, messages, middle = two_files(plain, tmp_path / "run", ".mcap")
+    (folder / "run_9.mcap").unlink()
+    assert main(["doctor", str(folder)]) == 1
+    out = capsys.readouterr().out
+    assert "run_9.mcap" in out and "it is not there" in out
+    assert "metadata.yaml tells of %d messages" % len(messages) in out
+    assert main(["recover", str(folder), str(tmp_path / "o")]) == 1
+    assert "metadata.yaml names it, and it is not there" in capsys.readouterr().err
+    assert content(tmp_path / "o") == [m for m in messages if m[2] >= middle]
+
+
+def test_what_metadata_declares_is_not_believed(plain, tmp_path, capsys):
+    folder = tmp_path / "run"
+    shutil.copytree(str(plain), str(folder))
+    text = (folder / "metadata.yaml").read_text()
+    facts = yaml.safe_load(text)
+    topic = facts["rosbag2_bagfile_information"]["topics_with_message_count"][0]
+    topic["message_count"] += 1
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(facts))
+    assert main(["doctor", str(folder)]) == 1
+    assert "%s: metadata.yaml tells of %d messages, the files hold %d" % (
+        topic["topic_metadata"]["name"], topic["message_count"], topic["message_count"] - 1) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["cut", "zeros", "root"])
+def test_a_damaged_database_keeps_the_rows_that_can_be_reached(plain, tmp_path, capsys, kind):
+    folder = by_rosbags(plain, tmp_path / "run", SQLITE3)
+    database = folder / "run.db3"
+    raw = database.read_bytes()
+    middle = len(raw) // 2 // 4096 * 4096
+    database.write_bytes({"cut": raw[:middle], "zeros": raw[:middle] + bytes(8192) + raw[middle + 8192:],
+                          "root": b"SQLite format 3\0" + bytes(4080) + raw[4096:]}[kind])
+    before = database.read_bytes()
+    expected = content(plain)
+    assert main(["doctor", str(folder)]) == 1
+    out = capsys.readouterr().out
+    code = main(["recover", str(folder), str(tmp_path / "o")])
+    err = capsys.readouterr().err
+    assert code == 1 and database.read_bytes() == before
+    if kind == "root":
+        assert "damaged: no message can be read" in out and "its topics cannot be read" in err
+        assert not (tmp_path / "o").exists()
+        return
+    kept = content(tmp_path / "o")
+    assert set(kept) <= set(expected) and len(set(kept)) == len(kept)
+    assert len(kept) > len(expected) * (0.3 if kind == "cut" else 0.9)
+    assert "rows from" in err and "cannot be read" in err
+    assert main(["doctor", str(tmp_path / "o")]) == 0
+
+
+def test_changes_of_a_writer_that_was_killed(plain, tmp_path):
+    folder = by_rosbags(plain, tmp_path / "run", SQLITE3)
+    (folder / "metadata.yaml").unlink()
+    database = sqlite3.connect(str(folder / "run.db3"))
+    database.execute("PRAGMA journal_mode=WAL")
+    database.execute("PRAGMA wal_autocheckpoint=0")
+    database.execute("INSERT INTO messages SELECT NULL, topic_id, timestamp + 1, data FROM messages WHERE id = 1")
+    database.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for path in folder.iterdir():
+        shutil.copy(str(path), str(killed / path.name))
+    database.close()
+    assert (killed / "run.db3-wal").stat().st_size
+    before = {path.name: path.read_bytes() for path in killed.iterdir()}
+    assert main(["recover", str(killed), str(tmp_path / "o"), "-q"]) == 0
+    assert {path.name: path.read_bytes() for path in killed.iterdir()} == before
+    assert len(content(tmp_path / "o")) == len(content(plain)) + 1
+
+
+def test_a_compressed_file_is_unpacked_up_to_its_damage(plain, tmp_path, capsys):
+    folder = by_rosbags(plain, tmp_path / "run", MCAP, "FILE")
+    packed = next(folder.glob("*.zstd"))
+    packed.write_bytes(packed.read_bytes()[:packed.stat().st_size * 3 // 4])
+    assert main(["recover", str(folder), str(tmp_path / "o")]) == 1
+    assert "the compressed file was unpacked up to here" in capsys.readouterr().err
+    kept = content(tmp_path / "o")
+    assert kept and set(kept) < set(content(plain))
+
+
+def test_a_folder_becomes_a_log_of_ros2_messages_or_an_error(plain, tmp_path, capsys):
+    assert main(["recover", str(plain), str(tmp_path / "o.mcap"), "-q"]) == 0
+    assert main(["doctor", str(tmp_path / "o.mcap")]) == 0
+    capsys.readouterr()
+    (tmp_path / "none").mkdir()
+    Path(tmp_path / "none" / "metadata.yaml").write_text("")
+    for command in ("doctor", "recover"):
+        assert main([command, str(tmp_path / "none")]) == 1
+        assert "has no file of messages (.mcap, .db3)" in capsys.readouterr().err
+    assert main(["recover", str(plain), str(tmp_path / "o.bag")]) == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "a .bag holds ROS 1 messages only" in err

@@ -1,0 +1,232 @@
+"""The recovery of rosbag2 folders: each file of messages in order, with ``metadata.yaml`` or without it."""
+import os
+import re
+import tempfile
+from pathlib import Path
+from typing import Any, BinaryIO, Callable, Dict, Iterator, List, Tuple
+
+import numpy as np
+
+from ..errors import BagError, BagFormatError
+from ..messages.batch import Array, MessageBatch, distinct
+from ..messages.connection import Connection
+from ..paths import PathLike
+from .index import METADATA, STORAGE_SUFFIXES, AttachmentIndex, MetadataIndex, open_for_reading, read_at
+from .mcap.recovery import McapRecovery
+from .recovery import LogRecovery, Loss, Stretch
+from .sqlite_recovery import SqliteRecovery
+
+_PACKED = ".zstd"
+_READ, _PIECE = 1 << 20, 1 << 12
+"""Bytes that are read, and that are unpacked, at once: where they are damaged, what they give is lost."""
+_MOST_RATIO, _FLOOR = 1000, 1 << 30
+_DECLARATIONS = "rosbag2"
+"""Name of the record in which an MCAP of a folder repeats the folder's ``metadata.yaml``."""
+
+
+def _by_number(name: str) -> List[Any]:
+    """Return a key that sorts ``run_10`` behind ``run_9``."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def storage_files(folder: PathLike) -> List[str]:
+    """Return the names of the files of messages in a folder, in the order of their numbers."""
+    return sorted((name for name in os.listdir(str(folder)) if name.endswith(STORAGE_SUFFIXES)),
+                  key=_by_number)
+
+
+def declarations(folder: PathLike) -> Tuple[List[str], int, Dict[str, int]]:
+    """Return the declarations of ``metadata.yaml``: names of files, messages, and messages by topic.
+
+    Raises:
+        BagError: It is not there, or cannot be read.
+    """
+    import yaml
+
+    path = os.path.join(str(folder), METADATA)
+    try:
+        with open(path, encoding="utf-8") as file:
+            facts = yaml.safe_load(file)["rosbag2_bagfile_information"]
+        names = [os.path.basename(str(name)) for name in facts["relative_file_paths"]]
+        topics = {str(topic["topic_metadata"]["name"]): int(topic["message_count"])
+                  for topic in facts["topics_with_message_count"]}
+        return names, int(facts["message_count"]), topics
+    except FileNotFoundError:
+        raise BagError("there is no %s" % METADATA) from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
+        raise BagError("%s cannot be read (%s)" % (METADATA, " ".join(str(error).split())[:160])) from error
+
+
+class Rosbag2Recovery(LogRecovery):
+    """The recovery of a folder; see ``LogRecovery``. Positions of losses are those in their file.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        BagFormatError: It has no file of messages.
+        BagError: It cannot be listed.
+    """
+
+    def __init__(self, folder: PathLike) -> None:
+        self._folder = Path(os.path.abspath(str(folder)))
+        try:
+            there = storage_files(self._folder)
+            size = sum((self._folder / name).stat().st_size for name in there)
+        except OSError as error:
+            raise BagError("cannot read %s: %s" % (folder, error.strerror)) from error
+        super().__init__(-1, size)
+        self.profile = "ros2"
+        self._contradictions: List[str] = []
+        self._topics: Dict[str, int] = {}
+        names: List[str] = []
+        try:
+            names, self.expected, self._topics = declarations(self._folder)
+        except BagError as error:
+            self._contradictions.append(str(error))
+        for name in names:
+            if name not in there:
+                self.losses.append(Loss(0, 0, "%s names it, and it is not there" % METADATA, file=name))
+        strangers = [name for name in there if name not in names]
+        if names:
+            self._contradictions += ["%s is not named by %s" % (name, METADATA) for name in strangers]
+        self._files = [name for name in names if name in there] + strangers
+        if not there:
+            raise BagFormatError("%s has no file of messages (.mcap, .db3)" % folder)
+        self._numbers: Dict[Connection, int] = {}
+        self._undescribed: Dict[Tuple[str, int], int] = {}
+        self._extras: Dict[Any, Callable[[], Any]] = {}
+
+    def _stretches(self) -> Iterator[Stretch]:
+        passed = 0
+        for name in self._files:
+            path = self._folder / name
+            size = path.stat().st_size
+            try:
+                with open_for_reading(path) as file, tempfile.NamedTemporaryFile(prefix="jaka_bag") as space:
+                    if name.endswith(_PACKED):
+                        damage = self._unpack_file(file, size, space)
+                        for each in self._file(Path(space.name), name, space, passed):
+                            yield each._replace(begin=passed, end=passed + size)
+                        self._lose_of(name, damage)
+                    else:
+                        for each in self._file(path, name, file, passed):
+                            yield each._replace(begin=passed + each.begin, end=passed + each.end)
+            except BagError as error:
+                self._lose_of(name, [Loss(0, size, str(error).replace("%s: " % path, ""))])
+            passed += size
+
+    def _lose_of(self, name: str, losses: List[Loss]) -> None:
+        """Take over losses of one file."""
+        for loss in losses:
+            after = self._last_time if loss.after is None else loss.after
+            self.losses.append(loss._replace(after=after, file=name))
+
+    def _unpack_file(self, file: BinaryIO, size: int, space: Any) -> List[Loss]:
+        """Unpack a file that was compressed as a whole into another one, up to its first damage; return the loss."""
+        import zstandard
+        decoder = zstandard.ZstdDecompressor().decompressobj()
+        most = max(_FLOOR, _MOST_RATIO * size)
+        reason = "it ends too early"
+        at = 0
+        try:
+            for begin in range(0, size, _READ):
+                raw = memoryview(read_at(file.fileno(), begin, _READ))
+                for at in range(begin, begin + len(raw), _PIECE):
+                    space.write(decoder.decompress(raw[at - begin:at - begin + _PIECE]))
+                    if decoder.eof or space.tell() > most:
+                        break
+                if decoder.eof or space.tell() > most:
+                    reason = "" if decoder.eof else "a limit, not damage: up to %d MB are unpacked" % (most // 1000000)
+                    break
+        except zstandard.ZstdError as error:
+            reason = str(error)
+        space.flush()
+        return [Loss(at, size, "the compressed file was unpacked up to here (%s)" % reason)] if reason else []
+
+    def _file(self, path: Path, name: str, file: Any, passed: int) -> Iterator[Stretch]:
+        """Yield the messages of one file, with the numbers of this recovery.
+
+        Args:
+            path: The file, or what it was unpacked to.
+            name: Its name in the folder.
+            file: It, open.
+            passed: Bytes of the files before it.
+        """
+        size = os.fstat(file.fileno()).st_size
+        is_database = name.endswith((".db3", ".db3" + _PACKED))
+        part = SqliteRecovery(path, file.fileno(), size) if is_database else McapRecovery(file.fileno(), size)
+        known = 0
+        for stretch in part.stretches():
+            if len(stretch.batch):  # until then a loss may still grow
+                self._lose_of(name, part.losses[known:])
+                known = len(part.losses)
+                yield stretch._replace(batch=self._renumbered(stretch.batch, part, name))
+        self._lose_of(name, part.losses[known:])
+        for file_id, connection in part.connections.items():
+            self._number(connection)
+            if (name, file_id) in self._undescribed:  # described behind their messages
+                self.connections[self._undescribed[name, file_id]] = connection
+        self.misled += part.misled
+        self.notes += ["%s: %s" % (name, note) for note in part.notes]
+        for attachment in part.attachments:
+            self.attachments.append(attachment._replace(position=passed + attachment.position))
+            self._extras[self.attachments[-1]] = self._later(path, name, part, McapRecovery.read_attachment, attachment)
+        for entry in part.metadata:
+            if entry.name != _DECLARATIONS:
+                self.metadata.append(entry._replace(position=passed + entry.position))
+                self._extras[self.metadata[-1]] = self._later(path, name, part, McapRecovery.read_metadata, entry)
+
+    def _later(self, path: Path, name: str, part: Any, read: Callable[..., Any], entry: Any) -> Callable[[], Any]:
+        """Return what reads an attachment or metadata of a file: again, or at once where it is unpacked only now."""
+        if name.endswith(_PACKED):
+            content = read(part, entry)
+            return lambda: content
+
+        def again() -> Any:
+            with open_for_reading(path) as file:
+                return read(McapRecovery(file.fileno(), os.fstat(file.fileno()).st_size), entry)
+        return again
+
+    def _next_number(self) -> int:
+        return len(self._numbers) + len(self._undescribed)
+
+    def _number(self, connection: Connection) -> int:
+        number = self._numbers.setdefault(connection, self._next_number())
+        self.connections[number] = connection
+        return number
+
+    def _renumbered(self, batch: MessageBatch, part: LogRecovery, name: str) -> MessageBatch:
+        """Return the messages of a file with this recovery's numbers."""
+        ids = distinct(batch.connection)
+        new: Array = np.array([
+            self._number(part.connections[file_id]) if file_id in part.connections
+            else self._undescribed.setdefault((name, file_id), self._next_number())
+            for file_id in ids.tolist()], np.int64)
+        return batch.replace(connection=new[np.searchsorted(ids, batch.connection)])
+
+    def contradictions(self, counts: Dict[int, int]) -> List[str]:
+        """See ``LogRecovery``."""
+        if self.expected is None:
+            return self._contradictions
+        found: Dict[str, int] = dict.fromkeys(self._topics, 0)
+        for number in counts.keys() & self.connections.keys():
+            topic = self.connections[number].topic
+            found[topic] = found.get(topic, 0) + counts[number]
+        total = sum(counts.values())
+        result = list(self._contradictions)
+        if total != self.expected:
+            result.append("%s tells of %d messages, the files hold %d" % (METADATA, self.expected, total))
+        return result + ["%s: %s tells of %d messages, the files hold %d" % (
+            topic, METADATA, self._topics.get(topic, 0), count)
+            for topic, count in sorted(found.items()) if count != self._topics.get(topic, 0)]
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """See ``LogRecovery``."""
+        content: bytes = self._extras[entry]()
+        return content
+
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
+        """See ``LogRecovery``."""
+        values: Dict[str, str] = self._extras[entry]()
+        return values
