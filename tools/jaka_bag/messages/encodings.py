@@ -94,6 +94,9 @@ def types_of(connection: Connection) -> Dict[str, MessageType]:
     """
     plain = as_ros1(connection)
     try:
-        return parse_definition(plain.datatype, plain.definition)
+        types = parse_definition(plain.datatype, plain.definition)
+        return types if connection.encoding != "cdr" else {name: kind._replace(fields=tuple(
+            field._replace(type="uint8") if field.type == "byte" else field for field in kind.fields))
+            for name, kind in types.items()}  # a byte of ROS 2 has no sign
     except DefinitionError as error:
         raise DefinitionError("%s (%s): %s" % (connection.topic, connection.datatype, error)) from error
