@@ -90,6 +90,7 @@ class LogRecovery:
         metadata: Whole metadata records found so far.
         allowance: Limits what the chunks unpack to.
         notes: Bytes that are no part of the format and were skipped, one line each, so far.
+        most_unpacked: Bytes that are unpacked of one chunk, at most; None for all.
         misled: Chunks so far whose own index leads to other places than their messages.
     """
 
@@ -104,6 +105,7 @@ class LogRecovery:
         self.metadata: List[MetadataIndex] = []
         self.allowance = Allowance(size)
         self.misled = 0
+        self.most_unpacked: Optional[int] = None
         self.notes: List[str] = []
         self._open = 0  # losses behind which messages were read
         self._last_time: Optional[int] = None
@@ -176,6 +178,10 @@ class LogRecovery:
             return b"", self._limit
         raw: Optional[Buffer] = None
         reason = ""
+        if is_packed and self.most_unpacked is not None:
+            is_whole = False
+            size = self.most_unpacked if size is None else min(size, self.most_unpacked)
+            reason = "only the beginning was unpacked"
         if is_whole and size is not None:
             try:
                 raw = decompress(codec, data, size)

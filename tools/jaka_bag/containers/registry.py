@@ -63,6 +63,8 @@ FORMATS = (
            "jaka_bag.containers.mcap.active:active_index"),
 )
 _PIECE = 1 << 20
+_BEGINNING = 1 << 20
+"""Bytes of each chunk in which a first message is looked for before whole chunks are unpacked."""
 ROSBAG2_READER = "jaka_bag.containers.rosbag2_reader:Rosbag2Reader"
 ROSBAG2_RECOVERY = "jaka_bag.containers.rosbag2_recovery:Rosbag2Recovery"
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
@@ -110,18 +112,22 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
 
 
 def _keeps_any(entry: Format, path: PathLike) -> bool:
-    """Return whether the recovery of a log finds a message; it ends with the first one."""
-    ids: Set[int] = set()
-    try:
-        with open_for_reading(path) as file:
-            recovery: LogRecovery = load(entry.recovery)(file.fileno(), os.fstat(file.fileno()).st_size)
-            for stretch in recovery.stretches():
-                ids.update(stretch.batch.connection.tolist())
-                if ids & recovery.connections.keys():
-                    return True
-            return bool(ids & recovery.connections.keys())
-    except BagError:
-        return False
+    """Return whether the recovery of a log finds a message: in the beginnings of chunks, else in all of them."""
+    with open_for_reading(path) as file:
+        for most in (_BEGINNING, None):
+            ids: Set[int] = set()
+            try:
+                recovery: LogRecovery = load(entry.recovery)(file.fileno(), os.fstat(file.fileno()).st_size)
+                recovery.most_unpacked = most
+                for stretch in recovery.stretches():
+                    ids.update(stretch.batch.connection.tolist())
+                    if ids & recovery.connections.keys():
+                        return True
+            except BagError:
+                pass
+            if ids & recovery.connections.keys():
+                return True
+    return False
 
 
 def _text_of(entry: Format, path: PathLike, error: BagFormatError) -> str:
