@@ -48,6 +48,7 @@ _LAST_STOP_PERIOD_S = 0.1
 
 StateListener = Callable[[RobotState, bool], None]
 CustodyListener = Callable[[NotifyGuard], None]
+StopListener = Callable[[float, bool], None]
 
 
 class ArmClient:
@@ -78,6 +79,7 @@ class ArmClient:
         self._wakes_at = math.inf
         self._listeners: List[StateListener] = []
         self._custody_listeners: List[CustodyListener] = []
+        self._stop_listeners: List[StopListener] = []
         self._tasks: List[LoopTask] = []
         self._shows: List[PublishState] = []
         self._is_closing = False
@@ -147,6 +149,13 @@ class ArmClient:
     def add_custody_listener(self, listener: CustodyListener) -> None:
         """Call ``listener`` whenever this driver begins to move the arm, and when that has ended; it must not block."""
         self._custody_listeners.append(listener)
+
+    def add_stop_listener(self, listener: StopListener) -> None:
+        """Call ``listener(latency, is_accepted)`` after each ``stop``, in its caller's thread; it must not block.
+
+        ``latency`` is the time from the call to its answer, s.
+        """
+        self._stop_listeners.append(listener)
 
     def add_task(self, task: LoopTask) -> None:
         """Have the client's thread run a task from now on."""
@@ -452,7 +461,13 @@ class ArmClient:
             ConnectionLost, ReplyTimeout: The stop could not be delivered.
             CommandRejected: The controller refused it. What this driver moves is stopped again until it rests.
         """
-        self._call(self._core.stop)
+        asked, is_accepted = time.monotonic(), False
+        try:
+            self._call(self._core.stop)
+            is_accepted = True
+        finally:
+            for listener in self._stop_listeners:
+                listener(time.monotonic() - asked, is_accepted)
 
     # ---- inside ----
 
