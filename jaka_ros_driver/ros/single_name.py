@@ -6,11 +6,14 @@ arm is left without a driver.
 
 The master asks at the older one's address. Where that node was killed, its port may be another node's by then, on
 another master, too; rospy obeys.
+
+A master also keeps the name of each node of rospy that has ended in good order, with its old address: rospy asks for a
+parameter with the lines of its log, and does not take that question back.
 """
 import functools
 import logging
 import re
-from typing import Any, Sequence, Tuple
+from typing import Any, Iterator, Sequence, Tuple
 
 import rosgraph
 import rosgraph.names
@@ -45,10 +48,12 @@ def refuse_second_node(name: str) -> None:
 
     Without a master, or where the node is dead, it does nothing. What listens at a dead node's address may be another
     program by then: one that answers otherwise than a node, or by another name, is not this node. One that does not
-    answer at all is taken for it: a process that was stopped (SIGSTOP) goes on later.
+    answer at all is taken for it where the address of its services is as silent: a process that was stopped (SIGSTOP)
+    goes on later.
     """
+    master = rosgraph.get_master_uri()
     try:
-        uri = ask(rosgraph.get_master_uri(), "lookupNode", name, name)
+        uri = ask(master, "lookupNode", name, name)
     except (NobodyThere, Unanswered):
         return
     if not isinstance(uri, str) or not uri:
@@ -61,9 +66,39 @@ def refuse_second_node(name: str) -> None:
     except NobodyThere:
         return
     except Unanswered:
+        if not _is_silent_as_a_whole(master, name):
+            return
         state = "it does not answer"
     raise AlreadyDriven("the node %s runs already (%s at %s); a second one of its name would end it. End it first, or "
                         "give this one another name or namespace" % (name, state, uri))
+
+
+def _is_silent_as_a_whole(master: str, name: str) -> bool:
+    """Return whether something listens and says nothing where the master sends callers of this node's services.
+
+    Every living node has services, those of its log at least; it ends a call that is none of ROS's.
+    """
+    try:
+        for uri in _service_uris(master, name):
+            try:
+                ask(uri.replace("rosrpc:", "http:", 1), "getPid", name)
+            except NobodyThere as error:
+                if not isinstance(error.__cause__, ConnectionRefusedError):
+                    return True  # the queue of connections of a stopped process is full; or nobody knows
+    except (NobodyThere, Unanswered):
+        return True
+    return False
+
+
+def _service_uris(master: str, name: str) -> Iterator[str]:
+    """Yield each address of services that the master has of a node; mostly there is one."""
+    seen = set()
+    state = ask(master, "getSystemState", name)
+    for service, providers in state[2] if isinstance(state, list) and len(state) == 3 else ():
+        uri = ask(master, "lookupService", name, service) if name in providers else None
+        if isinstance(uri, str) and uri not in seen:
+            seen.add(uri)
+            yield uri
 
 
 def refuse_shutdown_of_others() -> None:

@@ -1,6 +1,7 @@
 """Child processes that are started, read and ended; none stays behind."""
 import os
 import signal
+import subprocess
 import time
 
 import pytest
@@ -25,7 +26,7 @@ def is_gone(program):
 
 def test_what_it_prints_is_heard_and_kept(tmp_path):
     with Programs() as programs:
-        program = programs.add(Program("sleeper", ["-c", SLEEPER], tmp_path))
+        program = programs.begin("sleeper", ["-c", SLEEPER], tmp_path)
         assert program.first_object(WAIT) == {"up": 1}
         programs.check()
         program.wait_for_words('"up"', WAIT)
@@ -36,7 +37,7 @@ def test_what_it_prints_is_heard_and_kept(tmp_path):
 def test_it_is_spoken_to(tmp_path):
     heard = []
     with Programs() as programs:
-        program = programs.add(Program("echo", ["-c", ECHO], tmp_path, on_line=heard.append))
+        program = programs.begin("echo", ["-c", ECHO], tmp_path, on_line=heard.append)
         program.say("one")
         assert program.first_line(WAIT) == "heard one"
     assert heard == ["heard one"]
@@ -44,7 +45,7 @@ def test_it_is_spoken_to(tmp_path):
 
 def test_an_end_is_an_error_with_its_last_words(tmp_path):
     with Programs() as programs:
-        program = programs.add(Program("short", ["-c", "raise SystemExit('no more')"], tmp_path))
+        program = programs.begin("short", ["-c", "raise SystemExit('no more')"], tmp_path)
         with pytest.raises(ProgramFailed, match="short ended: no more"):
             program.first_line(WAIT)
         with pytest.raises(ProgramFailed, match="no more"):
@@ -55,7 +56,7 @@ def test_an_end_is_an_error_with_its_last_words(tmp_path):
 
 def test_silence_and_nonsense_are_errors(tmp_path):
     with Programs() as programs:
-        program = programs.add(Program("stubborn", ["-c", STUBBORN], tmp_path))
+        program = programs.begin("stubborn", ["-c", STUBBORN], tmp_path)
         with pytest.raises(ProgramFailed, match="printed 'up'"):
             program.first_object(WAIT)
         with pytest.raises(ProgramFailed, match="says nothing"):
@@ -83,7 +84,7 @@ def test_what_inherits_an_ignored_interrupt_is_ended_by_one_all_the_same(tmp_pat
 def test_impatience_ends_the_rest_at_once(tmp_path, monkeypatch):
     started = time.monotonic()
     programs = Programs()
-    running = [programs.add(Program("stubborn%d" % i, ["-c", STUBBORN], tmp_path)) for i in range(2)]
+    running = [programs.begin("stubborn%d" % i, ["-c", STUBBORN], tmp_path) for i in range(2)]
     for program in running:
         program.first_line(WAIT)
     ends = Program.end
@@ -100,9 +101,37 @@ def test_impatience_ends_the_rest_at_once(tmp_path, monkeypatch):
     assert time.monotonic() - started < WAIT
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_finds_one_being_begun_ends_it_too(tmp_path, monkeypatch, number):
+    begun = []
+    popen = subprocess.Popen
+
+    def interrupted(*arguments, **settings):
+        begun.append(popen(*arguments, **settings))
+        signal.raise_signal(number)
+        return begun[-1]
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    before = signal.signal(number, interrupt)
+    try:
+        monkeypatch.setattr(subprocess, "Popen", interrupted)
+        with pytest.raises(KeyboardInterrupt), Programs() as programs:
+            programs.begin("sleeper", ["-c", SLEEPER], tmp_path)
+        assert signal.getsignal(number) is interrupt
+    finally:
+        signal.signal(number, before)
+        for process in begun:
+            was_left = process.poll() is None
+            process.kill()
+            process.wait(WAIT)
+    assert len(begun) == 1 and not was_left
+
+
 def test_variables_are_added_and_taken_out(tmp_path, monkeypatch):
     monkeypatch.setenv("JAKA_TEST_OUT", "1")
     code = "import os\nprint(os.environ.get('JAKA_TEST_OUT'), os.environ['JAKA_TEST_IN'], flush=True)"
     with Programs() as programs:
-        program = programs.add(Program("env", ["-c", code], tmp_path, {"JAKA_TEST_OUT": None, "JAKA_TEST_IN": "x"}))
+        program = programs.begin("env", ["-c", code], tmp_path, {"JAKA_TEST_OUT": None, "JAKA_TEST_IN": "x"})
         assert program.first_line(WAIT) == "None x"

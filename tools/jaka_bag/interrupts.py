@@ -1,7 +1,8 @@
 """Ctrl-C and SIGTERM as one exception, and no second one while its cleaning up goes on."""
 import contextlib
 import signal
-from typing import Any, Iterator
+import threading
+from typing import Any, Iterator, List
 
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -34,3 +35,20 @@ def held_back() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def put_off() -> Iterator[None]:
+    """Have Ctrl-C and SIGTERM wait for the end of the block; a process that begins in it takes them as ever."""
+    came: List[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():  # Python calls handlers there alone
+        before = {number: signal.signal(number, lambda number, frame: came.append(number)) for number in _NUMBERS
+                  if callable(signal.getsignal(number))}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Sequence
 
 from jaka_bag.errors import BagError
+from jaka_bag.interrupts import put_off
 
 _END_S = 15.0
 _SHOWN = 1500
@@ -155,9 +156,12 @@ class Programs:
     def __init__(self) -> None:
         self._running: List[Program] = []
 
-    def add(self, program: Program) -> Program:
-        """Take charge of a program."""
-        self._running.append(program)
+    def begin(self, name: str, arguments: Sequence[str], folder: Path,
+              environment: Optional[Dict[str, Optional[str]]] = None, **further: Any) -> Program:
+        """Start a program, as ``Program`` does, and take charge of it; an interrupt waits until that is done."""
+        with put_off():
+            program = Program(name, arguments, folder, environment, **further)
+            self._running.append(program)
         return program
 
     def check(self) -> None:

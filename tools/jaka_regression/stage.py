@@ -70,7 +70,7 @@ class Stage:
         self._failure: Optional[str] = None
 
     def _start(self, name: str, *arguments: str, **further: Any) -> Program:
-        return self._programs.add(Program(name, arguments, self._folder, self._environment, **further))
+        return self._programs.begin(name, arguments, self._folder, self._environment, **further)
 
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
         """Run a replay with simulated controllers, each step in order."""

@@ -23,6 +23,8 @@ NODE = """
 import rospy
 rospy.init_node("first", disable_signals=True)
 print(rospy.get_name(), flush=True)
+rospy.loginfo("a line of the log")
+print("it is on /rosout", flush=True)
 rospy.spin()
 """
 
@@ -114,9 +116,16 @@ def fault(connection):
     connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body))
 
 
-@pytest.mark.parametrize("answer", [refused, fault, lambda connection: None])
+def silence(connection):
+    """Wait until the caller has given up."""
+    connection.settimeout(WAIT)
+    while connection.recv(65536):
+        pass
+
+
+@pytest.mark.parametrize("answer", [refused, fault, lambda connection: None, silence])
 def test_a_port_that_another_program_has_now_is_no_node_of_this_name(ros_master, answer):
-    """Test with what a simulated controller and roslaunch answer, and with a program that hangs up."""
+    """Test with what a simulated controller's ports and roslaunch answer, and with a program that hangs up."""
     with contextlib.ExitStack() as stack:
         listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
 
@@ -137,6 +146,20 @@ def test_a_port_that_another_program_has_now_is_no_node_of_this_name(ros_master,
         stack.callback(master.unregisterService, "/gone/service", "rosrpc://127.0.0.1:1")
         assert master.lookupNode("/gone") == address
         refuse_second_node("/gone")
+
+
+def test_a_node_that_ended_in_good_order_keeps_no_name_where_a_silent_program_has_its_port(ros_master):
+    """Test with what the master really keeps of a node of rospy that has logged a line."""
+    with contextlib.ExitStack() as stack:
+        node = stack.enter_context(Node("__name:=ended"))
+        master = rosgraph.Master("/tests")
+        address = master.lookupNode("/ended")
+        next(line for line in node.process.stdout if "it is on /rosout" in line)
+        node.process.send_signal(signal.SIGINT)
+        node.process.wait(WAIT)
+        assert master.lookupNode("/ended") == address, "the master should still have its address"
+        stack.enter_context(socket.create_server(("127.0.0.1", int(address.rstrip("/").rpartition(":")[2]))))
+        refuse_second_node("/ended")
 
 
 def test_the_driver_outlives_the_shutdown_of_a_node_that_had_its_port_before(ros_master):
@@ -193,8 +216,10 @@ def test_a_stopped_node_holds_a_start_up_for_a_few_seconds_at_most(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as stopped:  # it takes connections and says nothing
         uri = "http://127.0.0.1:%d/" % stopped.getsockname()[1]
         ask = single_name.ask
+        answers = {"lookupNode": uri, "getSystemState": [[], [], [["/first/get_loggers", ["/first"]]]],
+                   "lookupService": uri.replace("http", "rosrpc")}
         monkeypatch.setattr(single_name, "ask", lambda to, method, *arguments: (
-            uri if method == "lookupNode" else ask(to, method, *arguments)))
+            answers[method] if method in answers else ask(to, method, *arguments)))
         with pytest.raises(AlreadyDriven, match="it does not answer"):
             refuse_second_node("/first")
-    assert len(waits) == 1 and 1.0 <= sum(waits) <= 3.0
+    assert len(waits) == 2 and 1.0 <= sum(waits) <= 3.0

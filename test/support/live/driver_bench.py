@@ -50,6 +50,16 @@ class SimulatorProcess:
     def is_moving(self):
         return self.state()["is_moving"]
 
+    def freeze_feed(self):
+        """Have the feed show the arm where it is now, joints and tool: a pose that moves alone is a contradiction."""
+        now = self.state()
+        self.panel("fields", add={"joint_actual_position": now["joint_position"], "actual_position": now["tcp_pose"]})
+
+    def make_well(self):
+        """Undo what a test, or one that failed before, has done to the feed, and release the emergency stop."""
+        self.panel("clear_faults")
+        self.panel("release_emergency_stop")
+
     def close(self):
         self._process.terminate()
         self._process.wait(WAIT)
@@ -101,7 +111,8 @@ class ArmOfAnotherMaster(Arm):
     def __init__(self, simulator, name, uri):
         super().__init__(simulator, name)
         self._master = rosgraph.Master("/asking", uri)
-        assert eventually(lambda: self._ask("lookupService", name + "/enable"))
+        last = SERVICES[-1].name  # a driver registers them in this order
+        assert eventually(lambda: self._ask("lookupService", "%s/%s" % (name, last)))
         self._uris = {service: self._ask("lookupService", "%s/%s" % (name, service)) for service in TYPES}
 
     def _ask(self, method, *arguments):

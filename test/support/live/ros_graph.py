@@ -6,6 +6,7 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
 from pathlib import Path
 from typing import Callable, Dict, Iterator, List, Optional, Sequence
 from xmlrpc.client import ServerProxy
@@ -23,6 +24,7 @@ from jaka_bag.live.publisher import Publisher, TopicPublisher
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 RUN_ID = "jaka-tests"
+_POLITE_S = 15.0
 
 
 @contextlib.contextmanager
@@ -71,7 +73,8 @@ class Process:
         except subprocess.TimeoutExpired:
             self.popen.kill()
             raise AssertionError("%s does not end: %s" % (self.command, self.output)) from None
-        self._reader.join()
+        self._reader.join(WAIT)  # a process that it left behind has the pipe as well
+        assert not self._reader.is_alive(), "%s has left processes behind: %s" % (self.command, self.output)
         self.popen.stdout.close()
         return code
 
@@ -112,11 +115,24 @@ class Graph:
         return self
 
     def __exit__(self, *failure) -> None:
+        try:
+            self._end_all()
+        finally:
+            self.stop_master()
+
+    def _end_all(self) -> None:
+        """End what runs still, politely: roslaunch ends its nodes then, and else leaves them behind."""
+        running = [process.popen for process in self._processes if process.popen.poll() is None]
+        for popen in running:
+            popen.send_signal(signal.SIGCONT)
+            popen.send_signal(signal.SIGINT)
+        end = time.monotonic() + _POLITE_S
+        for popen in running:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                popen.wait(max(0.0, end - time.monotonic()))
+            popen.kill()
         for process in self._processes:
-            if process.popen.poll() is None:
-                process.popen.kill()
             process.wait()
-        self.stop_master()
 
     def start_master(self) -> None:
         if self._is_mortal:

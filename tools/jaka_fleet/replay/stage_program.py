@@ -3,7 +3,6 @@
 A worker of a cluster can be killed at any moment. Its stage notices that its stdin ends, and takes master, simulated
 controllers, recorder and drivers down with it.
 """
-import contextlib
 import json
 import os
 import signal
@@ -39,14 +38,6 @@ def _end_with_the_parent() -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
 
-def _end_children() -> None:
-    """End the process that was just being begun when the interrupt came: nobody knows of it yet."""
-    for children in Path("/proc/self/task").glob("*/children"):
-        for word in children.read_text(encoding="ascii").split():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(int(word), signal.SIGKILL)
-
-
 def _replay(job: Dict[str, Any]) -> Dict[str, Any]:
     folder = Path(job["folder"])
     limits = load_tolerances(job["tolerances"]) if job["tolerances"] else None
@@ -67,7 +58,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except JakaBagError as error:
         result = {"error": str(error)}
     except KeyboardInterrupt:
-        _end_children()
         return 1
     part = job_file.with_name(RESULT + ".part")
     part.write_text(json.dumps(result), encoding="utf-8")
