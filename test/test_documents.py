@@ -86,7 +86,7 @@ LONG_SENTENCES = {
     "docs/panel.md": 2, "docs/panel_page.md": 4, "docs/parameters.md": 1, "docs/regression_testing.md": 7,
     "docs/ros-interface.md": 4, "docs/safety.md": 9, "docs/sdk-client.md": 2, "docs/security.md": 2,
     "docs/simulated_motion.md": 3, "docs/state_logs.md": 7, "docs/trajectories.md": 4, "docs/velocity_jog.md": 2}
-"""How many longer sentences each page still has, by its path; others have none. The numbers only fall."""
+"""Most longer sentences of a page, by its path; others have none. The numbers only fall."""
 
 
 def long_sentences(text):

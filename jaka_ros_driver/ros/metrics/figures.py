@@ -51,7 +51,7 @@ class Figures(Collector):
         """Begin to count what happens."""
         self._arm.add_listener(self._seen)
         self._arm.add_custody_listener(self._moved)
-        self._arm.add_stop_listener(self._stopped)
+        self._arm.stop_timer.add_listener(self._stopped)
 
     def page(self) -> Page:
         """Return the page in Prometheus's text format."""
