@@ -68,7 +68,8 @@ def test_it_serves_one_page_and_says_what_else_is_wrong(served, request_, status
     assert b"Content-Length: %d" % len(body) in head or request_.startswith(b"HEAD")
 
 
-def test_a_request_without_an_end_is_cut_off(served):
+def test_a_request_without_an_end_is_cut_off(served, monkeypatch):
+    monkeypatch.setattr(page_server, "DEADLINE_S", 60.0)  # its length alone ends it
     with served.connect() as client:
         with contextlib.suppress(OSError):
             client.sendall(b"GET /metrics HTTP/1.1\r\n" + b"a: b\r\n" * LONGEST_REQUEST)
@@ -81,6 +82,8 @@ def test_clients_that_send_nothing_give_way_to_one_that_asks(served, monkeypatch
     with contextlib.ExitStack() as stack:
         silent = [stack.enter_context(served.connect()) for _ in range(MOST_CONNECTIONS + 2)]
         assert eventually(lambda: len(served.server._connections) == MOST_CONNECTIONS)
+        time.sleep(10 * page_server.PAUSE_S)  # what must not come has no other sign
+        assert len(served.server._connections) <= MOST_CONNECTIONS
         assert served.ask().endswith(served.body)
         assert all(read(client) == b"" for client in silent)
 
