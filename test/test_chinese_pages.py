@@ -12,7 +12,7 @@ PAGES = {"README.md": (ROOT / "README.md", "## How it hangs together"),
 """Each page with its English one, and the heading there at which the Chinese one ends; "" for its end."""
 OTHER_TERMS = {"关节移动": "关节运动", "直线移动": "直线运动", "碰撞等级": "碰撞灵敏度", "全部运动的速度": "速度倍率",
                "非实时": "数据已过期"}
-"""Terms that a reader of the interface document and of the panel does not expect, each with the one that is used."""
+"""Terms that a user of a pendant and of the panel does not expect, each with the one that is used."""
 
 
 def english(name):
