@@ -77,6 +77,47 @@ def test_a_long_cell_is_noticed(text, found):
     assert long_cells(text) == found
 
 
+LONGEST_SENTENCE = 30
+"""Words; what stands in backquotes is one, and a colon or semicolon ends a sentence as a full stop does."""
+LONG_SENTENCES = {
+    "CONTRIBUTING.md": 3, "docs/architecture.md": 5, "docs/audit.md": 4, "docs/controller-protocol.md": 11,
+    "docs/fleet.md": 1, "docs/fleet_regression.md": 3, "docs/foxglove.md": 1, "docs/gripper.md": 1,
+    "docs/interface.md": 3, "docs/kinematics.md": 1, "docs/migration.md": 2, "docs/motion_guard.md": 7,
+    "docs/panel.md": 2, "docs/panel_page.md": 4, "docs/parameters.md": 1, "docs/regression_testing.md": 7,
+    "docs/ros-interface.md": 4, "docs/safety.md": 9, "docs/sdk-client.md": 2, "docs/security.md": 2,
+    "docs/simulated_motion.md": 3, "docs/state_logs.md": 7, "docs/trajectories.md": 4, "docs/velocity_jog.md": 2}
+"""Most longer sentences of a page, by its path; others have none. The numbers only fall."""
+
+
+def long_sentences(text):
+    """Return sentences outside code and tables that a reader has to begin twice."""
+    prose = re.sub(r"```.*?```|^\|.*?$", "\n\n", text, flags=re.DOTALL | re.MULTILINE)
+    prose = re.sub(r"`[^`\n]*`", "x", re.sub(r"<!--.*?-->|\]\([^)\s]*\)", " ", prose, flags=re.DOTALL))
+    ends = r"(?<=[.:;!?])[)*]*\s|\n\s*\n|^\s*(?:[-*]|\d+\.)\s|^#+ .*$"
+    sentences = [sentence.split() for sentence in re.split(ends, prose, flags=re.MULTILINE)]
+    return [" ".join(words) for words in sentences if len(words) > LONGEST_SENTENCE]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name if page.parent != ROOT else "/" + page.name)
+def test_sentences_are_short(page):
+    found, name = long_sentences(text_of(page)), page.relative_to(ROOT).as_posix()
+    assert len(found) <= LONG_SENTENCES.get(name, 0), "\n".join(found)
+
+
+@pytest.mark.parametrize("text, count", [
+    ("%s.\n" % " ".join(["word"] * 31), 1), ("%s.\n" % " ".join(["word"] * 30), 0),
+    ("- %s:\n- %s.\n" % (" ".join(["word"] * 20), " ".join(["word"] * 20)), 0),
+    ("Say\n%s\nof it: then %s.\n" % ("word " * 20, "`a b c` " * 31), 1), ("`%s` is one.\n" % ("a " * 40), 0),
+    ("| %s |\n" % ("word " * 40), 0),
+    ("```\n%s\n```\n" % ("word " * 40), 0)])
+def test_a_long_sentence_is_noticed(text, count):
+    assert len(long_sentences(text)) == count
+
+
+def test_no_page_that_is_gone_may_have_long_sentences():
+    assert set(LONG_SENTENCES) <= {page.relative_to(ROOT).as_posix() for page in PAGES}
+
+
 def test_every_page_is_in_the_index():
     index = set(LINK.findall(text_of(DOCS / "README.md")))
     others = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*") if path.suffix in (".md", ".py")}

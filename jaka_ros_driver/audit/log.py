@@ -52,6 +52,7 @@ class Health(NamedTuple):
         lost: Lines that were lost since the start.
         written: Lines that were written since the start.
         link: The place of the last line.
+        lag: Age of the oldest line in memory, s; 0 without one.
     """
 
     trouble: str
@@ -59,6 +60,7 @@ class Health(NamedTuple):
     lost: int
     written: int
     link: ChainLink
+    lag: float = 0.0
 
 
 class AuditLog:
@@ -130,7 +132,7 @@ class AuditLog:
         trouble = self._trouble
         if not trouble and busy_since is not None and time.monotonic() - busy_since > _STUCK_S:
             trouble = "the disk does not answer"
-        return Health(trouble, self._waiting, self._lost_in_all, self._written, self._link)
+        return Health(trouble, self._waiting, self._lost_in_all, self._written, self._link, self._lag())
 
     def close(self, timeout: float) -> bool:
         """Write the waiting lines, if the disk takes them within ``timeout`` s, and end; return False where lines are
@@ -145,6 +147,12 @@ class AuditLog:
     @property
     def _waiting(self) -> int:
         return self._queue.qsize() + len(self._pending) + len(self._unsure)
+
+    def _lag(self) -> float:
+        with contextlib.suppress(IndexError):  # the writing thread has just taken the last one
+            oldest = self._unsure[0][0] if self._unsure else self._pending[0]
+            return 1e-9 * (time.monotonic_ns() - oldest.monotonic)
+        return 0.0
 
     # ---- the thread ----
 

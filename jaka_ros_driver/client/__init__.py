@@ -5,6 +5,7 @@ settings        address, time limits and bounds of one client; the numbers that 
 transport       the two connections to the controller, and one wait for both; the driver's and the guard's
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
 followed_path   the path that is followed for a trajectory, and where it joins a running one
+stop_timer      how long the stops of callers take
 loop_task       the base class of periodic tasks in the client's thread
 supervisor      signs of life for the supervisor of a service
 fail_stop       the last stop and the evidence of a driver whose core has failed

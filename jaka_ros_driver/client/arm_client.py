@@ -27,6 +27,7 @@ from jaka_ros_driver.client.followed_path import LONGEST_LEAD_S, followed_path, 
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.loop_task import LoopTask
 from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.client.stop_timer import StopTimer
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -41,7 +42,6 @@ _LONGEST_WAIT_S = 0.02
 """Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones."""
 _REST_TIMEOUT_S = 1.0
 """Longest time, s, that ``close`` waits for the arm to come to rest."""
-
 _LAST_STOPS = 3
 _LAST_STOP_PERIOD_S = 0.1
 """Period, s, of the ``_LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
@@ -78,11 +78,10 @@ class ArmClient:
         self._wakes_at = math.inf
         self._listeners: List[StateListener] = []
         self._custody_listeners: List[CustodyListener] = []
+        self.stop_timer = StopTimer()
         self._tasks: List[LoopTask] = []
         self._shows: List[PublishState] = []
-        self._is_closing = False
-        self._is_closed = False
-        self._has_failed = False
+        self._is_closing = self._is_closed = self._has_failed = False
         self._defect: Optional[Exception] = None
         self._calls: weakref.WeakSet[Future[Any]] = weakref.WeakSet()
         self._thread = threading.Thread(target=self._run, name="arm loop", daemon=True)
@@ -452,7 +451,8 @@ class ArmClient:
             ConnectionLost, ReplyTimeout: The stop could not be delivered.
             CommandRejected: The controller refused it. What this driver moves is stopped again until it rests.
         """
-        self._call(self._core.stop)
+        with self.stop_timer.measured():
+            self._call(self._core.stop)
 
     # ---- inside ----
 

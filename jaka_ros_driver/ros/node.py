@@ -36,6 +36,7 @@ from jaka_ros_driver.ros.exit_codes import CONFIGURATION, DEFECT, ENDED, exit_co
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros, log_without_a_file
 from jaka_ros_driver.ros.master_watch import MasterWatch
+from jaka_ros_driver.ros.metrics.endpoint import metrics_of
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from, with_common_ip
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
@@ -54,7 +55,7 @@ from jaka_ros_driver.ros.start_checks import (
     wait_for_master,
     wait_for_time,
 )
-from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.diagnostics import Diagnostics, package_version
 from jaka_ros_driver.ros.topics.io_states import IoPublisher
 from jaka_ros_driver.ros.topics.jog_topics import JogSubscribers
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
@@ -129,6 +130,7 @@ class DriverNode:
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
         self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
+        self._metrics = metrics_of(self._arm, config, self._audit, package_version())
         self._master_watch = MasterWatch(self._set_parameters)
         self._simulated = direct_publisher("~simulated", Bool, 1, latch=True)
         self._is_simulated: Optional[bool] = None
@@ -179,6 +181,8 @@ class DriverNode:
             self._arm.start()
             self._frames.start()
             self._diagnostics.start()
+            if self._metrics is not None:
+                self._metrics.start()
             self._master_watch.start()
             if may_enable:
                 self._recorder.event("driver", True, level="INFO", text="auto_enable: the arm is to be powered and "
@@ -237,6 +241,8 @@ class DriverNode:
             self._ends.close()
             self._master_watch.close()
             self._diagnostics.close()
+            if self._metrics is not None:
+                self._metrics.close()
             self._frames.close()
             if self._guard is not None:
                 self._guard.close()

@@ -134,6 +134,12 @@ def _audit_dir(value: Any) -> str:
     return value
 
 
+def _ip_address(value: Any) -> str:
+    if type(value) is not str:
+        raise ValueError
+    return str(ipaddress.ip_address(value))
+
+
 def _controller_manager(value: Any) -> str:
     text = str(value).lower() if type(value) in (bool, str) else ""
     if text not in ("auto", "true", "false"):
@@ -283,6 +289,12 @@ class DriverConfig:
         _audit_dir)
     audit_days: float = _number(1826.0, 0.0, 36500.0, "days", "Files of the audit log whose last line is older are "
                                 "deleted, after a line that says so; 0: never.")
+    metrics_port: int = _integer(
+        0, 0, 65535, "Port of a page for Prometheus, `http://ADDRESS:PORT/metrics` (operation.md). It needs Python's "
+        "prometheus_client, and nothing can be set through it. 0: none.")
+    metrics_address: str = _parameter(
+        "127.0.0.1", "text", "", "an IP address", "Address of this computer at which that page listens. The default "
+        "serves this computer alone, 0.0.0.0 or :: whoever reaches it.", _ip_address)
 
     @property
     def is_vendor(self) -> bool:

@@ -1,4 +1,6 @@
 """Dependencies of the Debian packages against what the code imports: nothing that is imported is missing."""
+import configparser
+import pathlib
 import re
 import shutil
 import subprocess
@@ -18,7 +20,7 @@ NOT_IN_DEBIAN = {
 }
 GUARDED = {  # imported only for a part of the tools, which reports where they are missing
     "python3-jaka-bag": {"aiohttp", "cryptography", "distributed", "matplotlib", "mpl_toolkits", "pyarrow"},
-    "python3-jaka-ros-driver": {"pytest", "rosunit"},  # the plugin of pytest, the program of rostest
+    "python3-jaka-ros-driver": {"prometheus_client", "pytest", "rosunit"},  # ~metrics_port, a plugin, rostest
     "jaka-panel": set(),
 }
 OF_PYTHON3_ROSLIB = {"roslib"}  # which rospy depends on
@@ -118,6 +120,48 @@ UNITS = {"jaka-driver@arm.service": "python3-jaka-ros-driver.jaka-driver@.servic
          "jaka-black-box@arm.service": "python3-jaka-ros-driver.jaka-black-box@.service",
          "jaka-panel.service": "jaka-panel.service"}
 """The services, as they are started, and their files."""
+
+
+SIZES = {"SystemMaxUse", "SystemMaxFileSize", "SystemKeepFree"}
+
+
+def journal_settings(text):
+    """Return the settings of a file for journald, sizes in bytes; raise where journald would leave one out."""
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.optionxform = str
+    parser.read_string(text)
+    assert parser.sections() == ["Journal"]
+    found = dict(parser["Journal"])
+    for name in SIZES & set(found):
+        size, = re.findall(r"^(\d+)([KMGT])$", found[name])
+        found[name] = int(size[0]) << 10 * (1 + "KMGT".index(size[1]))
+    return found
+
+
+def test_the_journal_has_a_bound_that_is_installed_and_that_the_page_shows():
+    text = (DEBIAN / "journald.conf").read_text(encoding="utf-8")
+    assert "debian/journald.conf " in (DEBIAN / "python3-jaka-ros-driver.install").read_text(encoding="utf-8")
+    found = journal_settings(text)
+    assert set(found) == SIZES | {"Storage"} and found["Storage"] == "persistent", "a crash is looked into afterwards"
+    assert found["SystemMaxFileSize"] * 8 <= found["SystemMaxUse"] <= 4 << 30, "files are removed as a whole"
+    page = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
+    shown, = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
+    assert shown == "".join(line for line in text.splitlines(True) if not line.startswith("#"))
+
+
+@pytest.mark.parametrize("line", ["SystemMaxUse=1 GB", "SystemMaxUse=lots", "MaxUse"])
+def test_a_size_that_journald_would_leave_out_is_noticed(line):
+    with pytest.raises((AssertionError, ValueError, configparser.Error)):
+        journal_settings("[Journal]\n%s\n" % line)
+
+
+def test_the_log_files_are_rotated_as_the_page_says():
+    rotation = pathlib.Path("/etc/ros/python_logging.conf")
+    if not rotation.exists():
+        pytest.skip("needs Debian's rospy")
+    size, kept = re.search(r"'a', (\d+), (\d+)\)", rotation.read_text(encoding="utf-8")).groups()
+    page = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
+    assert (int(size), int(kept)) == (50_000_000, 4) and "five files of 50 MB" in page
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,8 @@ WRONG = [
     ("ip", "10.5.5.1:80", "IP address"), ("ip", "fe80::1%", "IP address"), ("ip", "fe80::1%a b", "IP address"),
     ("ip", "m\u00fcnchen", "IP address"), ("ip", "\uff11\uff10.5.5.100", "IP address"),
     ("workspace", 7, "path of a YAML file"), ("workspace", "/no/such/workspace.yaml", "path of a YAML file"),
+    ("metrics_port", 65536, "0 to 65535"), ("metrics_port", "9464", "0 to 65535"), ("metrics_port", True, "0 to 65535"),
+    ("metrics_address", "localhost", "an IP address"), ("metrics_address", 127, "an IP address"),
 ]
 
 

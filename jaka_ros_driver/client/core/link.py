@@ -25,6 +25,7 @@ class PortLink:
     Attributes:
         is_up: True while it is connected.
         connections: How often it has been connected.
+        losses: How often a connection that was up has ended, other than by ``stop``.
         last_error: Why it is down; empty while it is up.
         retry_at: When the next try is due, s; infinite while there is none to come.
     """
@@ -38,6 +39,7 @@ class PortLink:
         self._is_stopped = False
         self.is_up = False
         self.connections = 0
+        self.losses = 0
         self.last_error = "not connected yet"
         self.retry_at = _NEVER
 
@@ -75,6 +77,7 @@ class PortLink:
         if not self.is_up:
             return
         self.is_up = False
+        self.losses += 1
         if now - self._opened_at > _STABLE_TIME_S:
             self._pause = 0.0
         if now - self._opened_at > _RIVALS_GONE_S:

@@ -43,6 +43,8 @@ class LinkHealth:
         feed_period: Period of the status feed as the controller confirmed it, s; None where it does not.
         damaged_replies: Replies that were not JSON since start.
         is_simulated: The controller is a simulated one; None before that is known.
+        command_losses: How often a connection to the command port has ended since start.
+        status_losses: The same of the status port.
     """
 
     command_is_up: bool
@@ -53,6 +55,8 @@ class LinkHealth:
     feed_period: Optional[float]
     damaged_replies: int
     is_simulated: Optional[bool]
+    command_losses: int
+    status_losses: int
 
 
 class Links:
@@ -139,7 +143,8 @@ class Links:
         """Return the state of the links."""
         about = self.about
         return LinkHealth(self.is_ready, self._status.is_up, self._command.connections, self.last_error,
-                          about.version, about.feed_period, self._channel.damaged_replies, about.is_simulated)
+                          about.version, about.feed_period, self._channel.damaged_replies, about.is_simulated,
+                          self._command.losses, self._status.losses)
 
     def feed_health(self, now: float) -> FeedHealth:
         """Return the state of the status feed."""

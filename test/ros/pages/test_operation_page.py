@@ -21,13 +21,6 @@ def test_a_table_is_that_of_the_code(table):
     assert table.markdown() in PAGE.read_text(encoding="utf-8"), "python3 -m " + table.__name__
 
 
-def test_no_sentence_is_long():
-    text = PAGE.read_text(encoding="utf-8")
-    prose = re.sub(r"```.*?```|^\|.*?$|<!--.*?-->|\]\(.*?\)", "", text, flags=re.DOTALL | re.M)
-    long = [sentence for sentence in re.split(r"(?<=[.:!?])\s|\n\n", prose) if len(sentence.split()) > 30]
-    assert not long, long
-
-
 def arms_of_the_page(shell, *simulators):
     """Write the page's file of arms with the addresses of simulated controllers in place of those of real ones."""
     text = next(block for block in blocks(PAGE) if block.language == "yaml").text
