@@ -32,8 +32,7 @@ def cell(ros_node, driven_by, log_file):
 @pytest.fixture
 def arm(cell):
     """Return the arm at the start, at rest, all well, at full speed."""
-    cell.simulator.panel("clear_faults")  # a test that failed may have left some
-    cell.simulator.panel("release_emergency_stop")
+    cell.simulator.make_well()
     assert eventually(lambda: cell.call("recover").success)
     assert cell.call("set_speed_slider", speed_slider_fraction=1.0).success
     answer = cell.call("joint_move", pose=START, mvvelo=3.0, mvacc=12.0)
@@ -299,23 +298,16 @@ def test_a_goal_is_rejected_while_the_arm_cannot_move_or_somebody_else_moves_it(
     assert arm.call("enable", data=True).success
 
 
-def freeze(arm):
-    """Have the feed show the arm where it is now, joints and tool: a pose that moves alone is a contradiction."""
-    state = arm.simulator.state()
-    arm.simulator.panel("fields", add={"joint_actual_position": state["joint_position"],
-                                       "actual_position": state["tcp_pose"]})
-
-
 def test_tolerances_of_the_goal_hold(arm, client):
     handle = client.send(goal_of(smooth(1.6, 2.0, 0.05), path=[("joint_1", 0.02)]))
     assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 0.8)
-    freeze(arm)
+    arm.simulator.freeze_feed()
     state, result = client.end(handle)
     assert (state, result.error_code) == ("ABORTED", PATH) and "joint 1 is" in result.error_string
     arm.simulator.panel("clear_faults")
     assert eventually(lambda: not arm.simulator.is_moving())
     start = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
-    freeze(arm)
+    arm.simulator.freeze_feed()
     arm.listen("joint_position", 2)
     # by less than the driver needs to notice that the feed does not show where the controller reports the arm
     state, result = client.run(goal_of([point(1.0, other(start, 0, start[0] + 0.004), REST)], end=[("joint_1", 0.002)],

@@ -50,6 +50,16 @@ class SimulatorProcess:
     def is_moving(self):
         return self.state()["is_moving"]
 
+    def freeze_feed(self):
+        """Have the feed show the arm where it is now, joints and tool: a pose that moves alone is a contradiction."""
+        now = self.state()
+        self.panel("fields", add={"joint_actual_position": now["joint_position"], "actual_position": now["tcp_pose"]})
+
+    def make_well(self):
+        """Undo what a test, or one that failed before, has done to the feed, and release the emergency stop."""
+        self.panel("clear_faults")
+        self.panel("release_emergency_stop")
+
     def close(self):
         self._process.terminate()
         self._process.wait(WAIT)
