@@ -10,8 +10,8 @@ from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, S
 from jaka_ros_driver.commands import Pose, Query
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.look import Feed, listen, model_fact
-from jaka_ros_driver.probe.recorded import Connection, Record, quantile
+from jaka_ros_driver.probe.look import HeardFeed, listen, model_fact
+from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_object
 
@@ -64,49 +64,50 @@ QUESTIONS: Dict[str, Question] = {
 UNKNOWN_COMMAND = "get_what_no_controller_has"
 MALFORMED = b'{"cmdName": "get_version", }'
 ODD: Tuple[bytes, ...] = (encode_object({"cmdName": UNKNOWN_COMMAND}), MALFORMED)
-"""What is sent besides the questions."""
+"""All that is sent besides the questions."""
 
 
-class Reply(NamedTuple):
+class TimedReply(NamedTuple):
     """The answer to a question; ``content`` is None where none came in time; ``seconds`` is how long it took."""
 
     content: Optional[JsonObject]
     seconds: float
 
 
-class Asked:
+class Questioner:
     """A connection to the command port that asks one thing at a time."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: KeptConnection) -> None:
         self.connection = connection
         self._stream = ObjectStream()
         self._waiting: List[JsonObject] = []
 
-    def ask(self, name: str, patience: float = _ANSWER_S) -> Reply:
+    def ask(self, name: str, patience: float = _ANSWER_S) -> TimedReply:
         """Ask, and wait for the reply."""
         return self.send(encode_object({"cmdName": name}), name, patience)
 
-    def send(self, data: bytes, name: str, patience: float) -> Reply:
+    def send(self, data: bytes, name: str, patience: float) -> TimedReply:
         """Send bytes, and wait for the reply to a command of this name, or to one that it does not name."""
         begun = time.monotonic()
         if self.connection.is_closed or not self.connection.send(data):
-            return Reply(None, 0.0)
+            return TimedReply(None, 0.0)
         return self.next(name, begun, patience)
 
-    def next(self, name: str, begun: float, patience: float) -> Reply:
+    def next(self, name: str, begun: float, patience: float) -> TimedReply:
         """Wait for such a reply; ``begun`` is the moment from which the time counts. A late one to another is left."""
         while True:
             while self._waiting:
                 found = self._waiting.pop(0)
                 if found.get("cmdName", name) == name:
-                    return Reply(found, time.monotonic() - begun)
+                    return TimedReply(found, time.monotonic() - begun)
             data = self.connection.receive(begun + patience)
             if not data:
-                return Reply(None, time.monotonic() - begun)
+                return TimedReply(None, time.monotonic() - begun)
             self._waiting += [item for item in self._stream.feed(data) if not isinstance(item, FramingError)]
 
 
-def ask(record: Record, facts: Facts, command_port: int, feed: Optional[Feed], tell: Callable[[str], None]) -> None:
+def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[HeardFeed],
+        tell: Callable[[str], None]) -> None:
     """Ask all that the stage asks.
 
     Args:
@@ -119,7 +120,7 @@ def ask(record: Record, facts: Facts, command_port: int, feed: Optional[Feed], t
     Raises:
         OSError: The command port cannot be connected.
     """
-    asked = Asked(record.connect("command", command_port))
+    asked = Questioner(record.connect("command", command_port))
     tell("%d questions, one after the other" % len(QUESTIONS))
     replies = {name: asked.ask(name) for name in QUESTIONS}
     facts.update(_reply_facts(replies))
@@ -138,7 +139,7 @@ def ask(record: Record, facts: Facts, command_port: int, feed: Optional[Feed], t
     facts["malformed"] = _malformed(record, command_port)
 
 
-def _reply_facts(replies: Dict[str, Reply]) -> Facts:
+def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
     contents = {name: reply.content for name, reply in replies.items() if reply.content is not None}
     how = "%d of %d questions were answered" % (len(contents), len(replies))
     if not contents:
@@ -199,12 +200,12 @@ def _sensitivity_key(reply: JsonObject) -> Fact:
     return Fact(keys[0] if len(keys) == 1 else "both", ", ".join(keys))
 
 
-def _model(feed: Optional[Feed], replies: Dict[str, Reply]) -> Fact:
+def _model(feed: Optional[HeardFeed], replies: Dict[str, TimedReply]) -> Fact:
     return model_fact(feed, _frames(Query.TOOL_FRAMES, replies["get_tool_offsets"]),
                       _frames(Query.USER_FRAMES, replies["get_user_offsets"]))
 
 
-def _frames(query: Query, reply: Reply) -> Optional[Tuple[Pose, ...]]:
+def _frames(query: Query, reply: TimedReply) -> Optional[Tuple[Pose, ...]]:
     try:
         found: Optional[Tuple[Pose, ...]] = decode(query, reply.content) if reply.content is not None else None
         return found
@@ -212,7 +213,7 @@ def _frames(query: Query, reply: Reply) -> Optional[Tuple[Pose, ...]]:
         return None
 
 
-def _framing_facts(asked: Asked) -> Facts:
+def _framing_facts(asked: Questioner) -> Facts:
     name = "get_version"
     question = encode_object({"cmdName": name})
     begun = time.monotonic()
@@ -231,7 +232,7 @@ def _framing_facts(asked: Asked) -> Facts:
     return facts
 
 
-def _polling_facts(asked: Asked, feed: Optional[Feed]) -> Facts:
+def _polling_facts(asked: Questioner, feed: Optional[HeardFeed]) -> Facts:
     begun = time.monotonic()
     times: List[float] = []
     seen = 0 if feed is None else len(feed.times)
@@ -254,11 +255,11 @@ def _polling_facts(asked: Asked, feed: Optional[Feed]) -> Facts:
     return facts
 
 
-def _second_client(record: Record, port: int, first: Asked) -> Tuple[Fact, Optional[Asked]]:
+def _second_client(record: ConnectionLog, port: int, first: Questioner) -> Tuple[Fact, Optional[Questioner]]:
     if first.connection.is_closed:
         return Fact(None, "the first connection was closed before"), None
     try:
-        second = Asked(record.connect("command", port))
+        second = Questioner(record.connect("command", port))
     except OSError as error:
         return Fact("refused", "it could not connect: %s" % error), None
     answer = second.ask("get_version", _SHORT_S)
@@ -269,13 +270,13 @@ def _second_client(record: Record, port: int, first: Asked) -> Tuple[Fact, Optio
     return Fact(fate, seen), second
 
 
-def _words(reply: Reply, asked: Asked) -> str:
+def _words(reply: TimedReply, asked: Questioner) -> str:
     return "answered" if reply.content is not None else "closed" if asked.connection.is_closed else "silent"
 
 
-def _malformed(record: Record, port: int) -> Fact:
+def _malformed(record: ConnectionLog, port: int) -> Fact:
     try:
-        asked = Asked(record.connect("command", port))
+        asked = Questioner(record.connect("command", port))
     except OSError as error:
         return Fact(None, "it could not connect: %s" % error)
     try:

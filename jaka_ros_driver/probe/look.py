@@ -16,7 +16,7 @@ from jaka_ros_driver.kinematics.rotations import (
     transform_from_pose,
 )
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.recorded import Connection, Record, quantile
+from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.state import RobotState
@@ -42,7 +42,7 @@ KNOWN = OMITTED | frozenset((
 """Fields of frames that sources name (docs/controller-protocol.md sections 6.2 to 6.4)."""
 
 
-class Feed:
+class HeardFeed:
     """Frames of one client of the status port.
 
     Attributes:
@@ -55,7 +55,7 @@ class Feed:
 
     _KEPT = 50
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: KeptConnection) -> None:
         self.connection = connection
         self._stream = FrameStream()
         self.times: List[float] = []
@@ -92,7 +92,7 @@ class Feed:
             for a, b in zip(state.joint_position, self.states[0].joint_position))
 
 
-def listen(feeds: Sequence[Feed], until: float) -> None:
+def listen(feeds: Sequence[HeardFeed], until: float) -> None:
     """Read these feeds until a moment of ``time.monotonic``, or until all are closed."""
     while time.monotonic() < until:
         open_feeds = {feed.connection: feed for feed in feeds if not feed.connection.is_closed}
@@ -103,7 +103,7 @@ def listen(feeds: Sequence[Feed], until: float) -> None:
             open_feeds[connection].read()
 
 
-def look(record: Record, facts: Facts, status_port: int, poll_port: int, seconds: float) -> Optional[Feed]:
+def look(record: ConnectionLog, facts: Facts, status_port: int, poll_port: int, seconds: float) -> Optional[HeardFeed]:
     """Listen to the status port, and see whether the polled port is open; send nothing.
 
     Args:
@@ -118,7 +118,7 @@ def look(record: Record, facts: Facts, status_port: int, poll_port: int, seconds
     """
     facts["polled_port"] = _polled_port(record, poll_port)
     try:
-        first = Feed(record.connect("status", status_port))
+        first = HeardFeed(record.connect("status", status_port))
     except OSError as error:
         facts["feed_period"] = Fact(None, "the status port %d: %s" % (status_port, error))
         return None
@@ -131,7 +131,7 @@ def look(record: Record, facts: Facts, status_port: int, poll_port: int, seconds
         facts["model"] = model_fact(first, None, None)
 
 
-def _polled_port(record: Record, number: int) -> Fact:
+def _polled_port(record: ConnectionLog, number: int) -> Fact:
     try:
         record.connect("poll", number).close()
         return Fact("open", "port %d was connected and closed again" % number)
@@ -141,13 +141,14 @@ def _polled_port(record: Record, number: int) -> Fact:
         return Fact(None, "port %d: %s" % (number, error))
 
 
-def _second_client(facts: Facts, first: Feed, record: Record, port: int, until: float) -> Optional[Feed]:
+def _second_client(facts: Facts, first: HeardFeed, record: ConnectionLog, port: int,
+                   until: float) -> Optional[HeardFeed]:
     """Connect a second client, and see which of the two gets frames; return one that still does."""
     if first.connection.is_closed:
         facts["second_status_client"] = Fact(None, "the first connection was closed before a second one came")
         return None
     try:
-        second = Feed(record.connect("status", port))
+        second = HeardFeed(record.connect("status", port))
     except OSError as error:
         facts["second_status_client"] = Fact("refused", "it could not connect: %s" % error)
         listen([first], until)
@@ -168,7 +169,7 @@ def _second_client(facts: Facts, first: Feed, record: Record, port: int, until: 
     return first if not first.connection.is_closed else None
 
 
-def feed_facts(feed: Feed, seconds: float) -> Facts:
+def feed_facts(feed: HeardFeed, seconds: float) -> Facts:
     """Return what the frames of a feed say of it."""
     frames, gaps = len(feed.times), feed.gaps
     how = "%d frames in %.1f s" % (frames, seconds)
@@ -190,7 +191,7 @@ def feed_facts(feed: Feed, seconds: float) -> Facts:
     return facts
 
 
-def model_fact(feed: Optional[Feed], tools: Optional[Sequence[Pose]], users: Optional[Sequence[Pose]]) -> Fact:
+def model_fact(feed: Optional[HeardFeed], tools: Optional[Sequence[Pose]], users: Optional[Sequence[Pose]]) -> Fact:
     """Compare the controller's pose of the tool with that of each model, from the same joints.
 
     Args:

@@ -8,9 +8,9 @@ from typing import List, Optional
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask
-from jaka_ros_driver.probe.facts import Fact, Facts, Stage
-from jaka_ros_driver.probe.look import Feed, look
-from jaka_ros_driver.probe.recorded import Record
+from jaka_ros_driver.probe.facts import Fact, Facts, ProbeStage
+from jaka_ros_driver.probe.look import HeardFeed, look
+from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import holder_of
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY
@@ -39,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
         description="Find out how a controller differs from what documents say, without moving or setting anything.")
     made.add_argument("address", metavar="ADDRESS", help="of the controller; or explain, or diff")
     made.add_argument("files", nargs="*", metavar="FILE", help="one probe.json to explain, two to compare")
-    made.add_argument("--stage", choices=[stage.value for stage in Stage], default=Stage.ASK.value,
+    made.add_argument("--stage", choices=[stage.value for stage in ProbeStage], default=ProbeStage.ASK.value,
                       help="the last stage, default %(default)s")
     made.add_argument("--out", metavar="FOLDER", help="where the files are written: %s" % ", ".join(_FILES))
     made.add_argument("--seconds", type=_seconds, default=_SECONDS, metavar="S",
@@ -94,12 +94,11 @@ def _probe(options: argparse.Namespace) -> int:
     taken = [name for name in _FILES if (folder / name).exists()]
     if taken:
         raise JakaError("%s has %s already; name another folder" % (folder, taken[0]))
-    stages = [stage for stage in Stage if list(Stage).index(stage) <= list(Stage).index(Stage(options.stage))]
-    record, code = Record(options.address), 1
+    record, code = ConnectionLog(options.address), 1
     facts: Facts = {}
-    done: List[Stage] = []
+    done: List[ProbeStage] = []
     try:
-        code = _run(options, stages, record, facts, done)
+        code = _run(options, record, facts, done)
     except KeyboardInterrupt:
         _tell("ended by Ctrl-C; what is known by now is written")
         code = 130
@@ -109,11 +108,11 @@ def _probe(options: argparse.Namespace) -> int:
     return code
 
 
-def _run(options: argparse.Namespace, stages: List[Stage], record: Record, facts: Facts, done: List[Stage]) -> int:
+def _run(options: argparse.Namespace, record: ConnectionLog, facts: Facts, done: List[ProbeStage]) -> int:
     _tell("look: %.0f s of the status port; nothing is sent" % options.seconds)
-    done.append(Stage.LOOK)
+    done.append(ProbeStage.LOOK)
     feed = look(record, facts, options.status_port, options.poll_port, options.seconds)
-    if Stage.ASK not in stages:
+    if options.stage == ProbeStage.LOOK.value:
         return 0 if feed is not None else 1
     refusal = _refusal(options, feed)
     if refusal:
@@ -121,7 +120,7 @@ def _run(options: argparse.Namespace, stages: List[Stage], record: Record, facts
         return 1
     _tell("ask: %d questions that read, %d pieces that nobody understands; nothing is set or moved" % (
         len(QUESTIONS), len(ODD)))
-    done.append(Stage.ASK)
+    done.append(ProbeStage.ASK)
     try:
         ask(record, facts, options.command_port, feed, lambda line: _tell("     " + line))
     except OSError as error:
@@ -130,7 +129,7 @@ def _run(options: argparse.Namespace, stages: List[Stage], record: Record, facts
     return 0
 
 
-def _refusal(options: argparse.Namespace, feed: Optional[Feed]) -> str:
+def _refusal(options: argparse.Namespace, feed: Optional[HeardFeed]) -> str:
     """Return why the command port is left alone; "" where it may be asked.
 
     A controller may end its first client's connection for a second one: whoever moves the arm would lose it.
@@ -147,7 +146,7 @@ def _refusal(options: argparse.Namespace, feed: Optional[Feed]) -> str:
     return ""
 
 
-def _write(folder: Path, options: argparse.Namespace, record: Record, facts: Facts, done: List[Stage],
+def _write(folder: Path, options: argparse.Namespace, record: ConnectionLog, facts: Facts, done: List[ProbeStage],
            is_whole: bool) -> None:
     lines = report.text(facts)
     print("\n".join(["", *lines]), flush=True)

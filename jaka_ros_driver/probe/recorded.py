@@ -22,7 +22,7 @@ _NAMING = re.compile(rb'"[^"]*(?:serial|robot_id|robot_name|_sn|mac_addr)[^"]*"\
 """A field of JSON whose value names one arm."""
 
 
-class Piece(NamedTuple):
+class KeptPiece(NamedTuple):
     """Bytes as they were sent or received; ``time_ns`` is the host's monotonic clock."""
 
     time_ns: int
@@ -30,7 +30,7 @@ class Piece(NamedTuple):
     data: bytes
 
 
-class Connection:
+class KeptConnection:
     """A TCP connection to one of the controller's ports.
 
     Attributes:
@@ -39,14 +39,14 @@ class Connection:
         pieces: What went over it, oldest first.
     """
 
-    def __init__(self, record: "Record", port: str, connected: socket.socket) -> None:
+    def __init__(self, record: "ConnectionLog", port: str, connected: socket.socket) -> None:
         self._record = record
         self._socket = connected
         self.port = port
         self.is_closed = False
         self.opened_ns = time.monotonic_ns()
         self.closed_ns = 0
-        self.pieces: List[Piece] = []
+        self.pieces: List[KeptPiece] = []
 
     def fileno(self) -> int:
         """Return the descriptor, for ``select``."""
@@ -93,10 +93,10 @@ class Connection:
 
     def _keep(self, is_sent: bool, data: bytes) -> None:
         if self._record.has_room(len(data)):
-            self.pieces.append(Piece(time.monotonic_ns(), is_sent, data))
+            self.pieces.append(KeptPiece(time.monotonic_ns(), is_sent, data))
 
 
-class Record:
+class ConnectionLog:
     """All connections of a probe.
 
     Attributes:
@@ -105,18 +105,18 @@ class Record:
 
     def __init__(self, host: str) -> None:
         self._host = host
-        self._connections: List[Connection] = []
+        self._connections: List[KeptConnection] = []
         self._kept = 0
         self.left_out = 0
 
-    def connect(self, port: str, number: int) -> Connection:
+    def connect(self, port: str, number: int) -> KeptConnection:
         """Connect a port; raise OSError where nobody answers."""
         try:
             connected = socket.create_connection((self._host, number), CONNECT_S)
         except UnicodeError as error:
             raise OSError("%s is no address: %s" % (self._host, error)) from error
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection = Connection(self, port, connected)
+        connection = KeptConnection(self, port, connected)
         self._connections.append(connection)
         return connection
 
@@ -153,7 +153,7 @@ class Record:
             log.close()
 
 
-def without_identity(pieces: Sequence[Piece], host: str = "") -> List[Piece]:
+def without_identity(pieces: Sequence[KeptPiece], host: str = "") -> List[KeptPiece]:
     """Return the same pieces, as long as before, with x for what names the arm in what the controller sent."""
     received = hidden(b"".join(piece.data for piece in pieces if not piece.is_sent), host)
     result, place = [], 0

@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Mapping, Sequence
 
 from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, Stage
+from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
@@ -20,7 +20,7 @@ class ReportError(JakaError):
     """A report that cannot be read."""
 
 
-def as_json(facts: Facts, stages: Sequence[Stage], is_whole: bool) -> Dict[str, Any]:
+def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool) -> Dict[str, Any]:
     """Return the content of probe.json."""
     return {
         "format": FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],

@@ -1,4 +1,4 @@
-"""Unknown arms for jaka_probe: drawn dialects of the simulated controller; is each dimension that it can see found right?
+"""Unknown arms for jaka_probe, drawn dialects of the simulated controller: is each dimension found that it can see?
 
     build/venv/bin/python3 test/soak/soak_probe.py [DIALECTS [FIRST]]        100, from 0
 
