@@ -151,7 +151,7 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
     missing = sorted(name for name, content in contents.items() if _code(content) == _NOT_KNOWN)
     codes = {type(content.get("errorCode")) for content in contents.values()}
     facts = {
-        "reply_time": Fact(_rounded(quantile(times, 0.5)), how, "%.4f to %.4f" % (min(times), max(times))),
+        "reply_time": Fact(round(quantile(times, 0.5), 5), how, "%.4f to %.4f" % (min(times), max(times))),
         "error_code": _choice({str: "text", int: "number"}, codes, how),
         "reply_fields_unknown": Fact(extra, how),
         "commands_missing": Fact(missing, how),
@@ -167,10 +167,6 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
 
 def _code(content: JsonObject) -> str:
     return str(content.get("errorCode", "")).strip()
-
-
-def _rounded(value: Optional[float]) -> Optional[float]:
-    return None if value is None else round(value, 5)
 
 
 def _text(value: Any, how: str) -> Fact:
@@ -248,7 +244,7 @@ def _polling_facts(asked: Questioner, feed: Optional[HeardFeed]) -> Facts:
         return {"poll_rate": Fact(None, "%d questions were answered" % len(times))}
     how = "%d questions in %.1f s" % (len(times), took)
     facts = {"poll_rate": Fact(round(len(times) / took, 1), how),
-             "reply_time_p99": Fact(_rounded(quantile(times, 0.99)), how)}
+             "reply_time_p99": Fact(round(quantile(times, 0.99), 5), how)}
     gaps = [] if feed is None else feed.gaps[seen:]
     if gaps:
         facts["feed_under_polling"] = Fact(round(max(gaps), 4), "%d frames meanwhile" % len(gaps))

@@ -22,6 +22,8 @@ from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.state import RobotState
 
 _ENOUGH_FRAMES = 10
+_REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
+"""A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
 STILL_RAD = 1e-4
 """Largest change, rad, of a joint of an arm that is taken to rest."""
 _FITS_M, _FITS_RAD = 0.0003, 0.001
@@ -184,9 +186,11 @@ def feed_facts(feed: HeardFeed, seconds: float) -> Facts:
     if frames < _ENOUGH_FRAMES:
         facts["feed_period"] = Fact(None, how + ", too few")
         return facts
-    low, high = quantile(gaps, 0.01), quantile(gaps, 0.99)
-    facts["feed_period"] = Fact(round((feed.times[-1] - feed.times[0]) / len(gaps), 5), "mean of " + how,
-                                "98 of 100 pauses are %.4f to %.4f" % (low or 0.0, high or 0.0))
+    mean = (feed.times[-1] - feed.times[0]) / len(gaps)
+    spread = "98 of 100 pauses are %.4f to %.4f" % (quantile(gaps, 0.01), quantile(gaps, 0.99))
+    regular = sum(abs(gap - mean) <= max(_REGULAR_S, _REGULAR * mean) for gap in gaps)
+    facts["feed_period"] = Fact(round(mean, 5), "mean of " + how, spread) if regular >= _MOST * len(gaps) else Fact(
+        None, "%s, irregularly: this computer or the network is busy; %s" % (how, spread))
     facts["feed_longest_gap"] = Fact(round(max(gaps), 4), how)
     return facts
 

@@ -7,7 +7,7 @@ import re
 import select
 import socket
 import time
-from typing import List, NamedTuple, Optional, Sequence
+from typing import List, NamedTuple, Sequence
 
 from jaka_ros_driver.wire.log import WireLog
 
@@ -176,7 +176,7 @@ def hidden(text: bytes, host: str = "") -> bytes:
     return text.replace(host.encode("utf-8"), b"x" * len(host.encode("utf-8"))) if host else text
 
 
-def quantile(values: Sequence[float], share: float) -> Optional[float]:
-    """Return the value below which this share of them lies; None of nothing."""
+def quantile(values: Sequence[float], share: float) -> float:
+    """Return the value below which this share of them lies; of nothing 0."""
     ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else None
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else 0.0
