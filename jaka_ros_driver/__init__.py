@@ -16,6 +16,7 @@ audit               the audit log: who did what, as chained lines in files
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 doctor              the command jaka_doctor: what a computer lacks for a driver
+probe               the command jaka_probe: what a real controller settles of what documents leave open
 
 Beside it, in tools/: the log tools ``jaka_bag``, ``jaka_blackbox``, ``jaka_foxglove`` and ``jaka_fleet``, which import
 nothing of this package; ``jaka_panel``, an operator's page, a client of its topics and services;

@@ -54,6 +54,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
                                        "simulation.controller"},
         "ros": DOMAIN | {"clearance", "kinematics", "protocol", "trajectory", "client", "audit"},
         "doctor": DOMAIN | {"", "kinematics", "protocol", "client", "ros"},
+        "probe": DOMAIN | {"", "kinematics", "protocol", "wire", "simulation.dialect", "ros"},
     }),
     **rooms("jaka_bag", {
         "": CONTAINERS | {"operations"},  # the names it lends to programs
@@ -135,7 +136,8 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.supervisor", "client.transport", "doctor.controller", "doctor.graph", "doctor.questions", "ros.connections",
-    "ros.driver_lock", "ros.metrics.page_server", "ros.start_checks", "simulation.server.event_loop", "wire")) + (
+    "probe.recorded", "ros.driver_lock", "ros.metrics.page_server", "ros.start_checks", "simulation.server.event_loop",
+    "wire")) + (
         "jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server",
         "jaka_panel.pages.door", "jaka_panel.pages.server", "jaka_panel.settings", "jaka_panel.graph.stop_link")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.program", "jaka_regression.driver_client",
@@ -225,7 +227,7 @@ def test_programs_and_plugins_are_there():
                           ROOT.joinpath(*path).read_text().replace(" = ", "="))
     programs = entries("CMakeLists.txt")
     scripts = [entry for entry in entries("tools", "pyproject.toml") if ":" in entry]
-    assert len(programs) == 9 and len(scripts) == 2
+    assert len(programs) == 10 and len(scripts) == 2
     for entry in programs + scripts + entries("setup.cfg"):
         module, _, function = entry.partition(":")
         names = {node.name for node in parse(source_of(module)).body if isinstance(node, ast.FunctionDef)}

@@ -8,7 +8,7 @@ import import_graph
 import pytest
 
 PROGRAMS = ("check_moveit_config", "jaka_bag", "jaka_doctor", "jaka_driver", "jaka_foxglove", "jaka_panel",
-            "jaka_rostest", "jaka_sim", "migrate_cell")
+            "jaka_probe", "jaka_rostest", "jaka_sim", "migrate_cell")
 TYPES = """
 Move float32[] pose, bool has_ref, float32[] ref_joint, float32 mvvelo, float32 mvacc, float32 mvtime, float32 mvradii,
   int16 coord_mode, int16 index --- int16 ret, string message

@@ -21,7 +21,7 @@ from typing import Callable, Dict, Iterator, List
 PATIENCE_S = 240.0
 ENVIRONMENT = {**os.environ, "ROS_HOSTNAME": "localhost", "PYTHONUNBUFFERED": "1"}
 PROGRAMS = {"check_moveit_config": [], "jaka_bag": [], "jaka_doctor": [], "jaka_driver": [], "jaka_foxglove": [],
-            "jaka_panel": [], "jaka_sim": ["panel", "proxy"], "migrate_cell": []}
+            "jaka_panel": [], "jaka_probe": [], "jaka_sim": ["panel", "proxy"], "migrate_cell": []}
 ANSWERS = {"get_fk": "cartesian_pose: [", "rostopic hz": "average rate", "jaka_bag info": "messages"}
 """Text that the output of some of the README's commands must contain, besides an exit code of 0."""
 results: Dict[str, str] = {}

@@ -21,6 +21,7 @@ SUMMARIES = {
     "jaka_driver": "ROS driver of one JAKA arm",
     "jaka_foxglove": "show a running ROS 1 system to Foxglove and Lichtblick",
     "jaka_panel": "operator's page in the browser for JAKA arms",
+    "jaka_probe": "find out how a JAKA controller differs from its documents",
     "jaka_sim": "simulated controller of a JAKA arm",
     "jaka_sim panel": "send a request to the operator port of a running simulated controller",
     "jaka_sim proxy": "record what passes between a driver and a controller",
@@ -28,8 +29,8 @@ SUMMARIES = {
 }
 PARSED = {"check_moveit_config": "jaka_migration.moveit_config", "jaka_doctor": "jaka_ros_driver.doctor.program",
           "jaka_driver": "jaka_ros_driver.ros.node",
-          "jaka_panel": "jaka_panel.program", "jaka_sim": "jaka_ros_driver.simulation.__main__",
-          "migrate_cell": "jaka_migration.cell"}
+          "jaka_panel": "jaka_panel.program", "jaka_probe": "jaka_ros_driver.probe.program",
+          "jaka_sim": "jaka_ros_driver.simulation.__main__", "migrate_cell": "jaka_migration.cell"}
 """Programs whose parser is asked; jaka_bag has completions of its own."""
 
 

@@ -1,0 +1,154 @@
+"""The report of a probe: text for the reader, JSON for programs, and what differs between two of them."""
+import json
+import textwrap
+from typing import Any, Dict, List, Mapping, Sequence
+
+from jaka_ros_driver import __version__
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
+from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
+
+FORMAT = 1
+_WIDTH = 110
+_LONGEST_FILE = 1 << 20
+_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05}
+"""Differences that are chance: of a period, s; of a length, as a share."""
+
+
+class ReportError(JakaError):
+    """A report that cannot be read."""
+
+
+def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool) -> Dict[str, Any]:
+    """Return the content of probe.json."""
+    return {
+        "format": FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],
+        "is_whole": is_whole, "firmware": firmware_of(facts),
+        "facts": {name: dict(facts[name]._asdict(), unit=DESCRIBED[name].unit, meaning=DESCRIBED[name].meaning)
+                  for name in DESCRIBED if name in facts}}
+
+
+def dialect_of(facts: Facts) -> Dict[str, Any]:
+    """Return what the settled facts say of a dialect, as ``Dialect.from_file`` reads it.
+
+    A number beyond the ends of its dimension becomes the end; names that the simulated controller cannot leave out are
+    left out.
+    """
+    found: Dict[str, Any] = {}
+    for name, fact in facts.items():
+        dimension = DIMENSIONS.get(DESCRIBED[name].dimension)
+        if dimension is None or fact.value is None:
+            continue
+        value: Any = bool(fact.value) if name.endswith("_unknown") else fact.value
+        if isinstance(dimension, Range):
+            value = min(max(value, dimension.low), dimension.high)
+        elif isinstance(dimension, Subset):
+            value = [one for one in dimension.names if one in value]
+        found[DESCRIBED[name].dimension] = value
+    return found
+
+
+def read(path: str) -> Dict[str, Any]:
+    """Return the content of a probe.json; raise ReportError where it is none."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            text = file.read(_LONGEST_FILE + 1)
+        content = json.loads(text) if len(text) <= _LONGEST_FILE else None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ReportError("%s: %s" % (path, error)) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT or not isinstance(content.get("facts"), dict):
+        raise ReportError("%s is no probe.json of format %d" % (path, FORMAT))
+    return content
+
+
+def facts_of(content: Mapping[str, Any]) -> Facts:
+    """Return the facts in a probe.json; raise ReportError where one is none."""
+    try:
+        return {name: Fact(row["value"], str(row["how"]), str(row.get("spread", "")))
+                for name, row in content["facts"].items() if name in DESCRIBED}
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ReportError("a fact of this probe.json cannot be read: %r" % error) from error
+
+
+def firmware_of(facts: Facts) -> str:
+    """Return the simulated generation that is nearest to the version that the controller tells; "" for none."""
+    version = facts.get("version", Fact(None, "")).value
+    for name in sorted(FIRMWARE_NAMES, key=len, reverse=True):
+        if isinstance(version, str) and version.startswith(name):
+            return name
+    return ""
+
+
+def text(facts: Facts) -> List[str]:
+    """Return the lines of the report."""
+    lines: List[str] = []
+    settled = {name: fact for name, fact in facts.items() if fact.value is not None}
+    lines += ["Settled", ""]
+    for name in DESCRIBED:
+        if name in settled:
+            lines += _fact_lines(name, settled[name])
+    open_ones = [name for name in DESCRIBED if name in facts and name not in settled]
+    if open_ones:
+        lines += ["", "Not settled", ""]
+        for name in open_ones:
+            lines += _wrapped("%s: %s" % (DESCRIBED[name].meaning, facts[name].how))
+    firmware = firmware_of(facts)
+    if firmware:
+        lines += ["", "Otherwise than the simulated controller of firmware %s" % firmware, ""]
+        lines += _differences(facts, firmware) or ["  nothing that was looked for"]
+    return lines
+
+
+def _fact_lines(name: str, fact: Fact) -> List[str]:
+    described = DESCRIBED[name]
+    value = " ".join(filter(None, [words(fact.value), described.unit]))
+    return _wrapped("%s: %s  (%s)" % (described.meaning, value, "; ".join(filter(None, [fact.how, fact.spread]))))
+
+
+def _wrapped(line: str) -> List[str]:
+    return textwrap.wrap(line, _WIDTH, initial_indent="  ", subsequent_indent="      ", break_long_words=False,
+                         break_on_hyphens=False)
+
+
+def words(value: Any) -> str:
+    """Return a value for the reader."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value)) if value else "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "not settled" if value is None else "%s" % value
+
+
+def _differences(facts: Facts, firmware: str) -> List[str]:
+    usual = Dialect.default(firmware).as_dict()
+    lines: List[str] = []
+    for key, value in dialect_of(facts).items():
+        expected = usual[key]
+        if key == "frame_bytes" and not expected:
+            continue  # 0: as long as its fields are
+        if key in _LESS_THAN and abs(value - expected) <= _LESS_THAN[key]:
+            continue
+        if key == "missing_commands" and set(value) <= set(expected):
+            continue  # not all of them are asked
+        if value != expected:
+            lines += _wrapped("%s: %s, there %s (%s)" % (key, words(value), words(expected), DIMENSIONS[key].meaning))
+    return lines
+
+
+def difference(one: Facts, other: Facts) -> List[str]:
+    """Return a line for each fact that two probes do not share; none for what only varies by chance."""
+    lines: List[str] = []
+    for name in DESCRIBED:
+        a, b = (facts.get(name, Fact(None, "")).value for facts in (one, other))
+        if a != b and not _is_chance(name, a, b):
+            lines += _wrapped("%s: %s and %s" % (DESCRIBED[name].meaning, words(a), words(b)))
+    return lines
+
+
+def _is_chance(name: str, a: Any, b: Any) -> bool:
+    if DESCRIBED[name].unit and isinstance(a, (int, float)) and isinstance(b, (int, float)):
+        if name in ("feed_period", "feed_period_told", "frame_bytes"):
+            return abs(a - b) <= max(0.05 * max(a, b), 0.0005)
+        return True  # times of replies and pauses are those of the host, too
+    return False
