@@ -92,13 +92,25 @@ def test_a_slow_feed_is_new_from_its_third_frame_on_at_the_latest(period):
 def test_after_a_silence_what_has_piled_up_is_old_news_until_the_rhythm_is_back():
     steady = [(0.008 * n, [n]) for n in range(1, 10)]
     burst = [(0.5, [10]), (0.5002, [11, 12, 13]), (0.501, [14]), (0.5012, [15, 16])]
-    after = [(0.508, [17]), (0.516, [18])]
-    assert fed(*steady, *burst, *after)[9:] == [(n, False) for n in range(10, 17)] + [(17, True), (18, True)]
+    after = [(0.508, [17]), (0.516, [18]), (0.524, [19])]
+    assert fed(*steady, *burst, *after)[9:] == [(n, False) for n in range(10, 18)] + [(18, True), (19, True)]
 
 
 def test_what_piled_up_behind_a_new_connection_is_old_news_until_the_rhythm_is_there():
-    told = fed((0.4, [1, 2, 3, 4]), (0.4002, [5]), (0.408, [6]), (0.416, [7]))
-    assert told == [(n, False) for n in range(1, 6)] + [(6, True), (7, True)]
+    told = fed((0.4, [1, 2, 3, 4]), (0.4002, [5]), (0.408, [6]), (0.416, [7]), (0.424, [8]))
+    assert told == [(n, False) for n in range(1, 7)] + [(7, True), (8, True)]
+
+
+def test_the_first_frame_of_a_link_that_was_held_up_beside_the_reader_is_old_news():
+    # nobody reads for 0.5 s, the link stops in the middle of it, and its backlog comes in two pieces
+    feed = Feed(0.03)
+    feed.open(0.0)
+    for n in range(1, 10):
+        feed.received(frame_of(n), 0.03 * n)
+    feed.held_up()
+    pieces = [(0.77, range(10, 20)), (0.84, [20]), (0.845, [21, 22, 23]), (0.87, [24]), (0.9, [25])]
+    told = [is_new for now, frames in pieces for _, is_new in feed.received(b"".join(map(frame_of, frames)), now)]
+    assert told[-5:] == [False, False, False, False, True] and not any(told[:-1])
 
 
 def test_of_frames_in_one_piece_the_newest_five_are_new():
@@ -127,7 +139,8 @@ def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
         feed.received(frame_of(n), 0.1 * n)
     feed.held_up()
     assert [is_new for _, is_new in feed.received(frame_of(10) + frame_of(11), 1.15)] == [False, False]
-    assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [True]
+    assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [False]
+    assert [is_new for _, is_new in feed.received(frame_of(13), 1.3)] == [True]
 
 
 # ---- its report ----

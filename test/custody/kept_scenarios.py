@@ -45,6 +45,13 @@ KEPT: Dict[str, Scenario] = {
         (2.0, "cut", {"port": "COMMAND", "driver_learns": True, "controller_learns": True}),
         (4.0, "cut", {"port": "STATUS", "driver_learns": True, "controller_learns": True}),
         settings=dict(_SETTINGS, simulator="twin"), identity="twin"),
+    "the first frame of a link that was held up while nobody read was shown as new": _scenario(
+        (0.2972, "rival", {"step": -0.3, "duration": 3.03161211311278}),
+        (3.2591, "pause", {"duration": 0.5716785262555913}),
+        (3.6721, "stall", {"port": "STATUS", "way": "to driver", "duration": 0.23015470964758422}),
+        (3.8062, "feed_silent", {"duration": 4.541754804062747}), seed=2475720466, length=15.0, ends="close",
+        settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.4, link_loss_stop=0.3, stream_ahead=1),
+        dialect={"second_client": "replaces", "missing_commands": ("wait_complete", "set_port10000_delay_ms")}),
     "a queued move that began late found nobody in custody": _scenario(
         (1.5, "queue", {"caller": 0, "joint": 0, "ways": (0.1, 0.105), "speed": 1.0, "first_waits": False,
                         "apart": 0.05}),

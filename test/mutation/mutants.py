@@ -55,6 +55,8 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("what piled up is shown as new", "client/core/feed.py",
            "                self._missing = 0.0\n        return 0 if self._is_doubtful else MAX_BURST\n",
            "                self._missing = 0.0\n        return MAX_BURST\n", FEED),
+    Mutant("one frame by itself ends a doubt", "client/core/feed.py",
+           "self._is_doubtful and not was_steady", "False", FEED),
     Mutant("what piled up behind a new connection is shown as new", "client/core/feed.py",
            "was_held_up or now - self._opened_at > max(SILENCE_S, 3.0 * self._period)", "was_held_up", FEED),
     Mutant("all frames of a piece are new", "client/core/feed.py",

@@ -95,6 +95,7 @@ class Feed:
         self._last_arrival = 0.0
         self._is_doubtful = False
         self._was_held_up = False
+        self._was_steady = False
         self._missing = 0.0
         self._frames = 0
         self._damaged = 0
@@ -109,7 +110,7 @@ class Feed:
         self._arrivals.clear()
         self._intervals.clear()
         self._last_piece = None
-        self._is_doubtful = self._was_held_up = False
+        self._is_doubtful = self._was_held_up = self._was_steady = False
         self._missing = self.owed = 0.0
         self._counted = 0
         self.last_byte_at = now
@@ -199,9 +200,9 @@ class Feed:
         ``sent`` counts the damaged ones, too.
 
         After a pause the newest one does, where nothing was in doubt before and nearly all frames have come that were
-        made since; how many those are is unknown on a connection that has brought nothing yet. A doubt ends with a
-        piece before which the port was silent for half a period for each of its frames: what has piled up anywhere
-        comes without such pauses.
+        made since; how many those are is unknown on a connection that has brought nothing yet. A doubt ends with the
+        second of two pieces before which the port was silent for half a period for each of their frames: what has piled
+        up anywhere comes without such pauses, or with one, where a link was held up and brings its first frame alone.
         """
         last, self._last_piece = self._last_piece, now
         was_held_up, self._was_held_up = self._was_held_up, False
@@ -217,11 +218,13 @@ class Feed:
         is_silence = was_held_up or interval > max(SILENCE_S, 3.0 * usual)
         if not is_silence:
             self._count_debt(interval, sent)
+        was_steady = self._was_steady
+        self._was_steady = not was_held_up and interval >= max(_SHORTEST_PERIOD_S, 0.5 * period) * count
         if is_silence:
             self._is_doubtful = self._is_doubtful or self._missing > _MISSING_S
             return 0 if self._is_doubtful else 1
-        if interval >= max(_SHORTEST_PERIOD_S, 0.5 * period) * count:
-            self._is_doubtful = False
+        if self._was_steady:
+            self._is_doubtful = self._is_doubtful and not was_steady
             if interval <= 3.0 * usual:
                 self._missing = 0.0
         return 0 if self._is_doubtful else MAX_BURST
