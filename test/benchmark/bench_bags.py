@@ -265,7 +265,7 @@ def bench(folder: Path, args: argparse.Namespace) -> None:
         Entry("rosbags deserialises", python(ROSBAGS_DECODES, bag), [], 15)])
     table("info", [
         Entry("jaka_bag info", JAKA_BAG + ["info", bag]), Entry("jaka_bag info, .mcap", JAKA_BAG + ["info", mcap]),
-        Entry("rosbag info", ["rosbag", "info", str(bag)], [], 8) if rosbag else None])
+        Entry("rosbag info", ["rosbag", "info", str(bag)], [], 3) if rosbag else None])
     table("info --freq: rate, jitter, gaps", [
         Entry("jaka_bag info --freq", JAKA_BAG + ["info", "--freq", bag]),
         Entry("rosbag info --freq", ["rosbag", "info", "--freq", str(bag)], [], 8) if rosbag else None])
