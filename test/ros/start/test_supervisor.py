@@ -50,7 +50,9 @@ def test_a_driver_is_ready_when_it_runs_and_a_hang_is_silent_and_leaves_the_stac
         os.kill(pid, signal.SIGABRT)  # as systemd does
         os.kill(pid, signal.SIGCONT)
         code, said = driver.wait()
-    assert code == -signal.SIGABRT and "Fatal Python error: Aborted" in said and "arm_client.py" in said, said
+    # Other threads run while Python writes their stacks; it may crash over one that changes, which ends it as well
+    assert code in (-signal.SIGABRT, -signal.SIGSEGV), said
+    assert "Fatal Python error: Aborted" in said and "arm_client.py" in said, said
 
 
 def test_a_driver_that_does_not_start_is_never_ready(ros_node, supervisor):
