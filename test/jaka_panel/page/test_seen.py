@@ -240,7 +240,13 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
     panel.wave = 0.3
     page = open_page()
     page.until("document.querySelectorAll('#plots canvas').length === 3")
+    assert not panel.sent("history"), "nobody has looked at plots yet"
     page.click("#drawer-bar > button")
+    page.until("document.querySelector('#plots canvas').checkVisibility()")
+    deadline = time.monotonic() + 30.0
+    while [one["what"] for one in panel.sent("history")][:3] != ["q", "dq", "e"]:
+        assert time.monotonic() < deadline, "they begin with what the server has kept"
+        time.sleep(0.02)  # between two looks
     page.click(".plot-bar > button")
     page.until_text(".plot-bar > button", "Go on")
     for span in (10, 120, 600):

@@ -40,6 +40,8 @@ export function mountPlots(root, app) {
   let offset = -Infinity;
   let isSeen = true;
   let historyAt = 0;
+  /** Whether the plots have begun with what the server has kept. */
+  let isSeeded = false;
   const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
 
   const pause = h('button', { type: 'button', t: 'plots.pause', 'aria-pressed': 'false', on: { click: () => setPaused(!isPaused) } });
@@ -133,11 +135,23 @@ export function mountPlots(root, app) {
     const end = isPaused ? pausedAt : now();
     const [from, to] = zoomed ?? [end - span, end];
     const isOwn = now() - from < OWN_S;
+    if (!isSeeded && Number.isFinite(offset)) void seed();
     if (!isOwn) {
       void fetchHistory(from, to);
       return;
     }
     for (const { kind, plot } of charts) paint(plot, samples[kind].picture(from, to, PIECES), from, to);
+  }
+
+  /** Has the plots begin with what was before the page came: as soon as they are seen for the first time. */
+  async function seed() {
+    isSeeded = true;
+    const arm = store.chosen;
+    for (const kind of KINDS) {
+      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: PIECES, what: kind }, 5);
+      if (arm !== store.chosen) return;
+      if (answer.ok && answer.data?.s) samples[kind].precede(pictureOfHistory(answer.data, DEGREES));
+    }
   }
 
   /**
@@ -187,6 +201,7 @@ export function mountPlots(root, app) {
   });
   store.on('chosen welcome', () => {
     offset = -Infinity;
+    isSeeded = false;
     for (const kind of KINDS) samples[kind].clear();
     if (isPaused) setPaused(false);
   });

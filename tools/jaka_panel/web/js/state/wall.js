@@ -26,7 +26,8 @@ export function mountWall(root, app) {
    */
   function say(name, word, mark = '') {
     const isOld = !store.isFresh() && name !== 'alarm';
-    if (app.isText(word)) setText(words[name], word);
+    if (isOld && word !== 'state.unknown') setText(words[name], 'state.was', { was: app.isText(word) ? app.say(word) : word });
+    else if (app.isText(word)) setText(words[name], word);
     else {
       words[name].removeAttribute('data-t');
       replaceText(words[name], word);
