@@ -229,6 +229,13 @@ def test_systemd_finds_no_mistake_in_a_service_and_few_rights(name, tmp_path):
     assert done.returncode == 0 and "Overall exposure level" in done.stdout, done.stdout
 
 
+@pytest.mark.parametrize("script", ["build", "packaging"])
+def test_trees_below_the_checkout_are_hidden_from_roslaunch(script):
+    # It looks for a launch file in every folder of the package that is not hidden, and starts none of two.
+    folder, = re.findall(r"^TREE=(\S+)", (DEBIAN.parent / script).read_text(encoding="utf-8"), re.MULTILINE)
+    assert any(part.startswith(".") for part in folder.split("/"))
+
+
 def test_a_purge_leaves_the_audit_logs_and_nothing_else(tmp_path):
     kept, state = tmp_path / "var/lib/private/jaka-driver", tmp_path / "var/lib/jaka-driver"
     for file in ("left/jaka_audit/10.5.5.100_10001/audit-1.jsonl", "left/other/file", "right/file"):
