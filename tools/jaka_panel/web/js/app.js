@@ -59,9 +59,6 @@ export class App {
     this.local = storageOf('localStorage');
     this.store = new Store();
     this.points = new Points(this.local);
-    this.offers = new Offers(this);
-    /** What is drawn and waits for its button. @type {'move'|'run'|null} */
-    this.offer = null;
     /** @type {import('./jog/hold.js').Hold|null} */
     this.hold = null;
     /** @type {import('./view/arm_view.js').Preview} */
@@ -71,6 +68,9 @@ export class App {
     /** @type {(() => void)[]} */
     this.late = [];
     this.isDirty = false;
+    this.offers = new Offers(this);
+    /** What is drawn and waits for its button. @type {'move'|'run'|null} */
+    this.offer = null;
     const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
     this.connection = new Connection({
       url: `${scheme}://${location.host}/ws`, token: takeToken(location, history, storageOf('sessionStorage')), name: pageName(),

@@ -5,6 +5,8 @@ import { actionButton, numberField } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
 import { HeldSettings, makeSetting } from './held.js';
 
+export { readAll } from '../ui/field.js';
+
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../ui/field.js').NumberField} NumberField */
 
