@@ -19,13 +19,11 @@ from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import RobotState, are_still
 
 _ENOUGH_FRAMES = 10
 _REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
 """A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
-STILL_RAD = 1e-4
-"""Largest change, rad, of a joint of an arm that is taken to rest."""
 _FITS_M, _FITS_RAD = 0.0003, 0.001
 """Largest deviation of a tool's pose that rounding to 6 digits explains."""
 _NEVER = "no frame came"
@@ -85,13 +83,6 @@ class HeardFeed:
     def gaps(self) -> List[float]:
         """Times between frames, s."""
         return [later - before for before, later in zip(self.times, self.times[1:])]
-
-    @property
-    def is_still(self) -> bool:
-        """Return whether the newest states show an arm at rest."""
-        return len(self.states) > 1 and all(
-            abs(a - b) <= STILL_RAD for state in self.states
-            for a, b in zip(state.joint_position, self.states[0].joint_position))
 
 
 def listen(feeds: Sequence[HeardFeed], until: float) -> None:
@@ -206,7 +197,7 @@ def model_fact(feed: Optional[HeardFeed], tools: Optional[Sequence[Pose]], users
     if feed is None or not feed.states:
         return Fact(None, _NEVER)
     state = feed.states[-1]
-    if not feed.is_still:
+    if not are_still(feed.states):
         return Fact(None, "the arm moved: joints and pose of a frame may be of two cycles")
     tool, user = _frame(state.tool_id, tools), _frame(state.user_frame_id, users)
     if state.tcp_position is None or state.tcp_rpy is None or tool is None or user is None:

@@ -13,7 +13,7 @@ from jaka_ros_driver.probe.look import HeardFeed, look
 from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import holder_of
-from jaka_ros_driver.state import PROGRAM_UNDER_WAY
+from jaka_ros_driver.state import unrest
 
 _NAME = "jaka_probe"
 _SECONDS = 30.0
@@ -130,20 +130,11 @@ def _run(options: argparse.Namespace, record: ConnectionLog, facts: Facts, done:
 
 
 def _refusal(options: argparse.Namespace, feed: Optional[HeardFeed]) -> str:
-    """Return why the command port is left alone; "" where it may be asked.
-
-    A controller may end its first client's connection for a second one: whoever moves the arm would lose it.
-    """
+    """Return why the command port is left alone; "" where it may be asked."""
     holder = holder_of(options.address, options.command_port)
     if holder:
         return "%s has the controller; end it first" % holder
-    if feed is None or len(feed.states) < 2:
-        return "the status port does not show whether the arm moves"
-    if not feed.is_still:
-        return "the arm moves"
-    if any(state.program_state in PROGRAM_UNDER_WAY for state in feed.states):
-        return "a program of the controller runs"
-    return ""
+    return unrest([] if feed is None else feed.states)
 
 
 def _write(folder: Path, options: argparse.Namespace, record: ConnectionLog, facts: Facts, done: List[ProbeStage],
