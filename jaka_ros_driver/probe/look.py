@@ -1,20 +1,13 @@
 """The stage that sends nothing: the status feed for a while, with a second client of it for the second half."""
 import select
 import time
-from typing import Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
+from typing import FrozenSet, List, Optional, Sequence, Set
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
-from jaka_ros_driver.kinematics.forward import forward
-from jaka_ros_driver.kinematics.rotations import (
-    IDENTITY,
-    Transform,
-    compose,
-    distance_between,
-    rotation_angle_between,
-    transform_from_pose,
-)
+from jaka_ros_driver.kinematics.pose_check import deviation
+from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
 from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.framing import FrameStream
@@ -24,8 +17,6 @@ from jaka_ros_driver.state import RobotState, are_still
 _ENOUGH_FRAMES = 10
 _REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
 """A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
-_FITS_M, _FITS_RAD = 0.0003, 0.001
-"""Largest deviation of a tool's pose that rounding to 6 digits explains."""
 _NEVER = "no frame came"
 OMITTED: FrozenSet[str] = frozenset((
     "drag_status", "interp_state", "on_soft_limit", "paused", "rapidrate", "actual_position", "errmsg", "monitor_data",
@@ -200,18 +191,15 @@ def model_fact(feed: Optional[HeardFeed], tools: Optional[Sequence[Pose]], users
     if not are_still(feed.states):
         return Fact(None, "the arm moved: joints and pose of a frame may be of two cycles")
     tool, user = _frame(state.tool_id, tools), _frame(state.user_frame_id, users)
-    if state.tcp_position is None or state.tcp_rpy is None or tool is None or user is None:
+    compared = ((name, deviation(load_model(name), state, tool, user)) for name in model_names())
+    found = {name: difference for name, difference in compared if difference is not None}
+    if not found:
         return Fact(None, "tool %s and user frame %s: the pose of the flange is not known" % (
             state.tool_id, state.user_frame_id))
-    theirs = compose(user, transform_from_pose(Pose(state.tcp_position, state.tcp_rpy)))
-    found: Dict[str, Tuple[float, float]] = {}
-    for name in model_names():
-        ours = compose(forward(load_model(name), state.joint_position), tool)
-        found[name] = distance_between(ours, theirs), rotation_angle_between(ours, theirs)
-    fitting = [name for name, (way, angle) in found.items() if way <= _FITS_M and angle <= _FITS_RAD]
+    fitting = [name for name, difference in found.items() if not difference.is_wrong]
     nearest = min(found, key=lambda name: found[name])
     how = "nearest is %s, %.2f mm and %.4f rad away, of %d models" % (
-        nearest, found[nearest][0] * 1000.0, found[nearest][1], len(found))
+        nearest, found[nearest].distance * 1000.0, found[nearest].angle, len(found))
     return Fact(fitting, how)
 
 
