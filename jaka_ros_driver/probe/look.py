@@ -12,15 +12,16 @@ from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
+from jaka_ros_driver.simulation.dialect.dimension import Subset
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
 from jaka_ros_driver.state import RobotState, are_still
 
 _ENOUGH_FRAMES = 10
 _REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
 """A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
 _NEVER = "no frame came"
-OMITTED: FrozenSet[str] = frozenset((
-    "drag_status", "interp_state", "on_soft_limit", "paused", "rapidrate", "actual_position", "errmsg", "monitor_data",
-    "torqsensor", "curr_tcp_trans_vel", "current_tool_id", "current_user_id", "task_state"))
+_LEFT_OUT = DIMENSIONS["missing_frame_fields"]
+OMITTED: FrozenSet[str] = frozenset(_LEFT_OUT.names if isinstance(_LEFT_OUT, Subset) else ())
 """Fields that a controller can be set up to leave out (docs/controller-protocol.md section 6.1), as far as the
 simulated one can do so.
 """
