@@ -1,7 +1,7 @@
 """The stage that sends nothing: the status feed for a while, with a second client of it for the second half."""
 import select
 import time
-from typing import FrozenSet, List, Optional, Sequence, Set
+from typing import Callable, FrozenSet, List, Optional, Sequence, Set
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import FramingError, JakaError
@@ -43,6 +43,7 @@ class HeardFeed:
         fields: The names of all fields.
         lengths: Of frames, bytes.
         damaged: Number of frames that were cut or wrong.
+        on_state: Takes each state that could be read; None for nobody.
     """
 
     _KEPT = 50
@@ -55,6 +56,7 @@ class HeardFeed:
         self.fields: Set[str] = set()
         self.lengths: List[int] = []
         self.damaged = 0
+        self.on_state: Optional[Callable[[RobotState], None]] = None
 
     def read(self) -> None:
         """Take what has come."""
@@ -70,6 +72,9 @@ class HeardFeed:
                 self.states = [*self.states[1 - self._KEPT:], parse_status(item, now)]
             except JakaError:
                 self.damaged += 1
+                continue
+            if self.on_state is not None:
+                self.on_state(self.states[-1])
 
     @property
     def gaps(self) -> List[float]:
