@@ -39,7 +39,7 @@ who stands at the emergency stop; the arm is enabled before. Without --keep-iden
 or serial number.
 
   jaka_probe 10.5.5.100 --out my_arm
-  jaka_sim --dialect my_arm/dialect.json
+  jaka_sim --like my_arm/probe.json
   jaka_probe explain my_arm/probe.json
   jaka_probe diff before/probe.json after/probe.json
 
@@ -278,10 +278,8 @@ class _Run:
         left_out = "; the last %d bytes that came are not in %s" % (
             self.record.left_out, WIRE) if self.record.left_out else ""
         _tell("written to %s: %s%s" % (folder, ", ".join(_FILES), left_out))
-        firmware, models = report.firmware_of(self._facts), self._facts.get("model", Fact(None, "")).value
-        if firmware:
-            _tell("a simulated controller like it: jaka_sim --firmware %s%s --dialect %s" % (
-                firmware, " --model %s" % models[0] if models else "", folder / DIALECT))
+        if report.firmware_of(self._facts):
+            _tell("a simulated controller like it: jaka_sim --like %s" % (folder / REPORT))
 
 
 def _tell(line: str) -> None:

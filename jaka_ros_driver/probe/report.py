@@ -8,11 +8,10 @@ from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
+from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMAT
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
-FORMAT = 1
 _WIDTH = 110
-_LONGEST_FILE = 1 << 20
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02}
 """Differences that are chance: of times, s; of a length, as a share."""
 
@@ -33,9 +32,9 @@ def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool, left: Se
         curves: By name, points of a motion: s, deg.
     """
     return {
-        "format": FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],
+        "format": REPORT_FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],
         "is_whole": is_whole, "not_set_back": list(left), "firmware": firmware_of(facts),
-        "curves": dict(curves),
+        "curves": dict(curves), "dialect": dialect_of(facts),
         "facts": {name: dict(facts[name]._asdict(), unit=DESCRIBED[name].unit, meaning=DESCRIBED[name].meaning)
                   for name in DESCRIBED if name in facts}}
 
@@ -64,12 +63,13 @@ def read(path: str) -> Dict[str, Any]:
     """Return the content of a probe.json; raise ReportError where it is none."""
     try:
         with open(path, encoding="utf-8") as file:
-            text = file.read(_LONGEST_FILE + 1)
-        content = json.loads(text) if len(text) <= _LONGEST_FILE else None
+            text = file.read(LONGEST_REPORT + 1)
+        content = json.loads(text) if len(text) <= LONGEST_REPORT else None
     except (OSError, ValueError, RecursionError) as error:
         raise ReportError("%s: %s" % (path, error)) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or not isinstance(content.get("facts"), dict):
-        raise ReportError("%s is no probe.json of format %d" % (path, FORMAT))
+    if not isinstance(content, dict) or content.get("format") != REPORT_FORMAT or not isinstance(
+            content.get("facts"), dict):
+        raise ReportError("%s is no probe.json of format %d" % (path, REPORT_FORMAT))
     return content
 
 

@@ -112,7 +112,7 @@ def test_a_stage_sends_what_it_says_and_nothing_else(tmp_path, controller):
 def test_a_twin_made_of_its_report_is_the_same_to_it(tmp_path, controller):
     first, twin = tmp_path / "first", tmp_path / "twin"
     assert probe(first, controller("--dialect-seed", "38", "--firmware", "1.7.2").ports).returncode == 0
-    like = controller("--dialect", str(first / "dialect.json"), "--firmware", "1.7.2")
+    like = controller("--like", str(first / "probe.json"))
     assert probe(twin, like.ports).returncode == 0
     compare = [*command_of("jaka_probe"), "diff", str(first / "probe.json")]
     same = subprocess.run([*compare, str(twin / "probe.json")], stdout=subprocess.PIPE, text=True, timeout=WAIT)
