@@ -10,6 +10,7 @@ import signal
 import time
 from typing import Callable, List, NamedTuple, Optional
 
+from jaka_ros_driver.client.driver_pipe import STARVED_TIMEOUT_S
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.stopping import DriverCondition, Step, Stopping
 from jaka_ros_driver.commands import Command, ServoJoint
@@ -24,9 +25,15 @@ from jaka_ros_driver.units import deg_to_rad
 
 ROOM_RAD = deg_to_rad(3.5)
 """Largest distance of a joint from where the stage began: 3 deg that are commanded, and what a stop takes."""
+OTHERS_RAD = deg_to_rad(0.2)
+"""The same for a joint that does not move. Where the feed has no position of the tool, these two bound its way: 2 m of
+reach and five joints make 35 mm, and the joint that moves swings a tool by 20 mm at most.
+"""
 ROOM_M = 0.06
 """Radius of the sphere around the start that the tool must not leave."""
 CYCLE_S = 0.008
+FASTEST = deg_to_rad(6.5)
+"""Highest speed of a servo frame, rad/s."""
 REST_RAD = 1e-4
 """Largest change, rad, of a joint at rest."""
 _SILENT_S = 0.5
@@ -79,6 +86,7 @@ class Mover:
         self.seen: List[Seen] = []
         self.furthest_m = self.furthest_rad = 0.0
         self._trouble = ""
+        self._turned_at, self._guard_trouble = time.monotonic(), guard.health().last_trouble
         self._stopping: Optional[Stopping] = None
         self._command: Optional[KeptConnection] = None
         self._stream = ObjectStream()
@@ -111,15 +119,18 @@ class Mover:
 
     def _why_outside(self, state: RobotState) -> str:
         """Return why a state is not in the room, or not that of an arm in good order; "" where it is."""
-        self.furthest_rad = max([self.furthest_rad, *(abs(a - b) for a, b in zip(state.joint_position, self.start))])
-        if self.furthest_rad > ROOM_RAD:
-            return "a joint was %.1f deg from its start" % math.degrees(self.furthest_rad)
+        ways = [abs(a - b) for a, b in zip(state.joint_position, self.start)]
+        self.furthest_rad = max([self.furthest_rad, *ways])
+        for joint, way in enumerate(ways):
+            if way > (ROOM_RAD if joint == self._axis else OTHERS_RAD):
+                return "joint %d was %.1f deg from its start" % (joint + 1, math.degrees(way))
         begun = self._begun
-        if state.tcp_position is None or begun.tcp_position is None:
-            return "the feed has no position of the tool"
         if (state.tool_id, state.user_frame_id) != (begun.tool_id, begun.user_frame_id):
             return "somebody changed the tool or the user frame"
-        self.furthest_m = max(self.furthest_m, math.dist(state.tcp_position, begun.tcp_position))
+        if begun.tcp_position is not None:
+            if state.tcp_position is None:
+                return "the feed has no position of the tool any more"
+            self.furthest_m = max(self.furthest_m, math.dist(state.tcp_position, begun.tcp_position))
         if self.furthest_m > ROOM_M:
             return "the tool was %.0f mm from its start" % (1000.0 * self.furthest_m)
         if not state.is_powered or not state.is_enabled or state.emergency_stop or state.protective_stop:
@@ -130,11 +141,17 @@ class Mover:
 
     def turn(self, seconds: float = _TURN_S) -> None:
         """Read what comes within this time, s; raise MotionEnded where the arm must stop."""
+        held_up, self._turned_at = time.monotonic() - self._turned_at, time.monotonic()
         self._read(seconds)
         if self._trouble:
             raise MotionEnded(self._trouble)
-        if signal.SIGINT in signal.sigpending():
-            raise MotionEnded("Ctrl-C")
+        if signal.sigpending():
+            raise MotionEnded("Ctrl-C, or another signal")
+        trouble = self._guard.health().last_trouble
+        if trouble != self._guard_trouble:
+            raise MotionEnded("the guard process: " + trouble)
+        if held_up > STARVED_TIMEOUT_S:
+            raise MotionEnded("this process was held up for %.1f s" % held_up)
         if time.monotonic() - self.state.received_at > _SILENT_S:
             raise MotionEnded("no frame came for %.1f s" % _SILENT_S)
 
@@ -212,8 +229,17 @@ class Mover:
 
         The next one comes two cycles later, because a controller may ignore one that comes while another runs.
         """
-        self.send(encode_object(codec.encode(ServoJoint(self.joints(position), cycles=cycles))))
-        self.wait((cycles + 2) * CYCLE_S)
+        frame = self.frame(position, cycles)
+        self.send(encode_object(codec.encode(frame)))
+        self.wait((frame.cycles + 2) * CYCLE_S)
+
+    def frame(self, position: float, cycles: int) -> ServoJoint:
+        """Return a servo frame that brings the joint here, rad, within so many cycles, or more where it would be fast.
+
+        A stream that ran dry may have gone on meanwhile.
+        """
+        slowest = math.ceil(abs(position - self.position) / (FASTEST * CYCLE_S))
+        return ServoJoint(self.joints(position), cycles=max(cycles, slowest))
 
     def joints(self, position: float) -> Vector:
         """Return the joints of the start, rad (6,), with the one that moves here."""
@@ -253,6 +279,7 @@ class Mover:
             self._wait_for_guard()
             self.seen = self.seen[-1:]
             self._guard.notify(True)
+            self._turned_at, self._guard_trouble = time.monotonic(), self._guard.health().last_trouble
             try:
                 self.turn()
                 step()

@@ -35,7 +35,7 @@ MOVES: Dict[str, str] = {
     "stop_program": "during each of these motions",
     "pause_program": "during a move",
     "servo_move": "into servo mode and out of it",
-    "servo_j": "joint 6 by 2.4 deg at most, at 5 deg/s at most",
+    "servo_j": "joint 6 by 2.4 deg at most, at 7 deg/s at most",
     "is_in_servomove": "whether servo mode is on",
     "clear_error": "where a servo stream without frames has become a fault, and there was none before",
 }
@@ -257,7 +257,7 @@ def _starve(it: Moving) -> None:
     for gap in GAPS_MS:
         it.arm.stream(it.place(0.05), 5)
         it.arm.wait(gap / 1000.0)
-        if not it.arm.is_taken(ServoJoint(it.arm.joints(it.place(0.0)), cycles=10)):
+        if not it.arm.is_taken(it.arm.frame(it.place(0.0), 10)):
             break
         taken.append(gap)
         it.arm.wait(12 * CYCLE_S)
@@ -388,8 +388,6 @@ def why_not(states: Sequence[RobotState], tools: Optional[Sequence[Pose]]) -> st
         return "hand guiding is on"
     if state.rapid_rate is not None and state.rapid_rate < 0.999:
         return "the speed override is %.0f %%, so times would not be the controller's own" % (100.0 * state.rapid_rate)
-    if state.tcp_position is None:
-        return "the feed has no position of the tool, so nobody sees it leave its room"
     if abs(state.joint_position[AXIS]) > _LONGEST_TURN:
         return "joint 6 is at %.0f deg, too far from zero" % rad_to_deg(state.joint_position[AXIS])
     if tools is None:

@@ -10,7 +10,7 @@ body { font: 15px/1.45 system-ui, sans-serif; max-width: 62em; margin: 2em auto;
 h1 { font-size: 1.5em; } h2 { font-size: 1.15em; margin-top: 2em; border-bottom: 1px solid #bbb; }
 table { border-collapse: collapse; width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .3em .8em .3em 0; border-bottom: 1px solid #ddd; }
-td { overflow-wrap: anywhere; } .how { color: #555; font-size: .9em; }
+td { overflow-wrap: break-word; min-width: 5em; } .how { color: #555; font-size: .9em; }
 .warn { background: #fdecea; border-left: .3em solid #b3261e; padding: .6em 1em; }
 svg { max-width: 100%; height: auto; }
 """
@@ -48,7 +48,6 @@ STATEMENTS: Dict[str, Statement] = {
                                     lambda value: value == 2),
     "cut_in_two": Statement("a request may come in pieces", "3.1", bool),
     "stop_ends_move": Statement("`stop_program` ends a running motion", "5.4.4", bool),
-    "jog_stop_ends": Statement("the stop of a jog names its axis", "5.5", lambda value: value == "its axis"),
     "starvation": Statement("the arm holds the last target of a servo stream that starves", "5.6.5",
                             lambda value: value == "hold"),
     "servo_leave_delay": Statement("servo mode lasts for a cycle or more after it was left", "5.6.1",
@@ -134,7 +133,7 @@ def curve(points: Sequence[Sequence[float]]) -> str:
         drawn.append('<line x1="%.1f" x2="%.1f" y1="%d" y2="%d" stroke="#ccc"/>' % (x, x, _MARGIN, bottom))
         drawn.append('<text x="%.1f" y="%d" font-size="12" text-anchor="middle">%.2f s</text>' % (x, bottom + 18, at))
     for place in (low, high):
-        drawn.append('<text x="%d" y="%.1f" font-size="12" text-anchor="end">%.2f</text>' % (
+        drawn.append('<text x="%d" y="%.1f" font-size="12" text-anchor="end">%.2f&deg;</text>' % (
             _MARGIN - 4, down(place) + 4, place))
     drawn.append('<polyline fill="none" stroke="#0b57d0" stroke-width="1.5" points="%s"/>' % " ".join(
         "%.1f,%.1f" % (across(at), down(place)) for at, place in zip(times, places)))

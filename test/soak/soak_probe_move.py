@@ -61,7 +61,12 @@ def killed(folder, seed):
     number, step, moment = chance.choice(ENDINGS), chance.randrange(1, len(STEPS) + 1), chance.uniform(0.0, 4.0)
     arm, dialect = start(folder, seed)
     terminal = ProbeOnTerminal(command(folder / ("killed-%d" % seed), arm.ports, "--stage", "move"))
-    terminal.wait_for("step %d of" % step)
+    try:
+        terminal.wait_for("step %d of" % step)
+    except AssertionError as error:  # the program has ended before
+        terminal.end()
+        arm.close()
+        return ["dialect %d ended before step %d: %s" % (seed, step, str(error)[-300:])]
     time.sleep(moment + chance.choice((0.0, dialect.start_delay)))
     terminal.process.send_signal(number)
     ended = time.monotonic()

@@ -115,7 +115,7 @@ class ProbeOnTerminal:
 
     def __init__(self, command, confirm=lambda done: "y", name=lambda told: told):
         self._confirm, self._name = confirm, name
-        self.text, self.confirmed = "", 0
+        self.text, self.confirmed, self._has_ended = "", 0, False
         self._news = threading.Condition()
         self._terminal, theirs = pty.openpty()
         self.process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -129,6 +129,7 @@ class ProbeOnTerminal:
             data = os.read(self.process.stdout.fileno(), 65536)
             with self._news:
                 self.text += data.decode("utf-8", "replace")
+                self._has_ended = not data
                 self._news.notify_all()
             if not data:
                 return
@@ -149,7 +150,8 @@ class ProbeOnTerminal:
     def wait_for(self, text):
         """Wait until it has printed this."""
         with self._news:
-            assert self._news.wait_for(lambda: text in self.text, LONG_WAIT), self.text
+            self._news.wait_for(lambda: text in self.text or self._has_ended, LONG_WAIT)
+        assert text in self.text, self.text
 
     def end(self):
         """Wait until it has ended; return its exit code."""
