@@ -239,7 +239,7 @@ class DriverConfig:
                                          "Highest speed of a joint by jog_joints; more is slowed down to it.")
     jog_max_linear_speed: float = _number(
         _CLIENT.jog_max_linear_speed, 0.001, 0.6, "m/s", "Highest speed of the tool by jog_twist; more is slowed down "
-        "to it. The default is the reduced speed of ISO 10218-1.")
+        "to it. The default is the reduced speed of ISO 10218-1; nothing guarantees it.")
     jog_max_angular_speed: float = _number(_CLIENT.jog_max_angular_speed, 0.001, 1.0, "rad/s",
                                            "The same for its turning.")
     stream_ahead: int = _integer(
@@ -437,9 +437,12 @@ def markdown() -> str:
              "parameter of its name (`roslaunch --ros-args jaka_ros_driver robot_start_launch.launch` lists them); in",
              "a launch file of your own it is a line of the node:", "", "```xml",
              '<param name="model" value="zu12"/>', "```", "",
-             "The driver does not start with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would",
-             "make the default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the",
-             "arm is a simulated one.", "", "This page is made from the code with",
+             "Before the first start think about `ip`, `model`, `dh_file` and `auto_enable`",
+             "([operation.md](operation.md#start-at-boot)). At the driver itself `_model:=zu12` sets a parameter; it",
+             "does not start with `_model:=` without a value or with `model:=zu12`, of which rospy would make the",
+             "default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the arm is a",
+             "simulated one.", "",
+             "This page is made from the code with",
              "`build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     notes = []

@@ -187,6 +187,7 @@ def test_each_setting_does_what_it_says(page, live, arm):
     ok("user_frame", number=1, p=[0.1, 0.0, 0.0], r=[0.0, 0.0, 0.5])
     state(page, arm, lambda s: s["tool"]["frame"].endswith("user_frame_1") and s["tool_id"] == 2 and s["user_id"] == 1)
     ok("payload", tool=2, mass=0.5, centre=[0.0, 0.0, 0.05])
+    assert page.command("settings", arm)["data"]["payload"] == {"mass": 0.5, "centre": [0.0, 0.0, 0.05]}
     ok("user_frame", number=1, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
     ok("tool_frame", number=2, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
     ok("drag", on=True)

@@ -123,7 +123,8 @@ class FakePanel:
         self.stops.append("http")
         while self.silent:
             await asyncio.sleep(0.01)
-        return web.json_response({"ok": request.headers.get("Authorization") == "Bearer " + TOKEN, "message": ""})
+        return web.json_response({"ok": self.may == "command" and request.headers.get(
+            "Authorization") == "Bearer " + TOKEN, "message": ""})
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
         if self.refusing:
@@ -165,7 +166,8 @@ class FakePanel:
             await self._send(socket, {"t": "pong", "clock": said["clock"]})
         elif kind == "stop":
             self.stops.append("socket")
-            await self._send(socket, {"t": "answer", "id": said["id"], "ok": True, "message": "stopped", "took": 0.001})
+            await self._send(socket, {"t": "answer", "id": said["id"], "ok": self.may == "command", "message": "",
+                                      "took": 0.001})
         elif kind == "take_control":
             free = self._holder in (None, page)
             if free:
