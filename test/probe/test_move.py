@@ -213,7 +213,7 @@ def test_an_arm_whose_probe_is_ended_in_a_motion_comes_to_rest(tmp_path, control
     assert 0.0 < gone < goal - 0.001, "it was stopped before it arrived"
 
 
-def test_without_a_terminal_or_the_arms_name_or_a_consent_nothing_moves(tmp_path, controller):
+def test_without_the_arms_name_or_a_consent_nothing_moves(tmp_path, controller):
     arm = controller()
     terminal = moved(tmp_path, arm, name=lambda told: "another", confirm=lambda done: "y")
     assert terminal.end() == 1 and "that was not its name" in terminal.text and terminal.confirmed == 0

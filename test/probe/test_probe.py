@@ -57,8 +57,8 @@ def test_each_dimension_that_it_can_see_is_found_and_nothing_is_moved_or_left_ot
     arm = controller("--dialect-seed", str(seed), "--firmware", firmware, *begun)
     dialect = Dialect.from_seed(seed, firmware)
     before = values_of(arm, dialect.io_index_base)
-    done = probe(tmp_path / "out", arm.ports, "--stage", "set", "--output", "3")
-    assert done.returncode == 0, done.stdout
+    done = probe(tmp_path / "out", arm.ports, "--stage", "move", "--output", "3")
+    assert done.returncode == 1 and "move: left out, standard input is no terminal" in done.stdout, done.stdout
     assert values_of(arm, dialect.io_index_base) == before
     found = facts_in(tmp_path / "out")
     settled = {DESCRIBED[name].dimension for name, fact in found.items() if fact.value is not None} - {""}

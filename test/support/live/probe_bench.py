@@ -64,8 +64,8 @@ def command(folder, ports, *arguments, address="127.0.0.1"):
 
 
 def probe(folder, ports, *arguments):
-    done = subprocess.run(command(folder, ports, *arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          text=True, timeout=WAIT)
+    done = subprocess.run(command(folder, ports, *arguments), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, timeout=WAIT)
     assert "Traceback" not in done.stdout, done.stdout
     return done
 
