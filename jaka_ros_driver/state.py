@@ -1,7 +1,7 @@
 """The immutable state of the arm at one moment, in SI units, as decoded from a status frame."""
 import enum
 from dataclasses import dataclass, field
-from typing import Dict, NamedTuple, Optional, Tuple, Union
+from typing import Dict, NamedTuple, Optional, Sequence, Tuple, Union
 
 Vector = Tuple[float, ...]
 
@@ -30,6 +30,8 @@ class ProgramState(enum.IntEnum):
 
 PROGRAM_UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
 """The states in which a program moves the arm, or may at any moment."""
+STILL_RAD = 1e-4
+"""Largest change, rad, of a joint of an arm that is taken to rest."""
 
 
 class IoBank(enum.IntEnum):
@@ -206,3 +208,23 @@ class RobotState:
         if is_stream_moving is None or state not in (MotionState.RUNNING, MotionState.STOPPED):
             return state
         return MotionState.RUNNING if is_stream_moving else MotionState.STOPPED
+
+
+def are_still(states: Sequence[RobotState]) -> bool:
+    """Return whether two states or more show an arm at rest."""
+    return len(states) > 1 and all(abs(a - b) <= STILL_RAD for state in states
+                                   for a, b in zip(state.joint_position, states[0].joint_position))
+
+
+def unrest(states: Sequence[RobotState]) -> str:
+    """Return why the command port is left alone after these newest states; "" where it may be connected.
+
+    A controller may end its first client's connection for a second one: whoever moves the arm would lose it.
+    """
+    if len(states) < 2:
+        return "the status port does not show whether the arm moves"
+    if not are_still(states):
+        return "the arm moves"
+    if any(state.program_state in PROGRAM_UNDER_WAY for state in states):
+        return "a program of the controller runs"
+    return ""

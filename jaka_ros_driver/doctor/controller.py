@@ -11,10 +11,10 @@ from jaka_ros_driver.commands import Pose, Query
 from jaka_ros_driver.doctor.findings import Examination, Observation, fault, good, skipped, warning
 from jaka_ros_driver.doctor.questions import CONNECT_S
 from jaka_ros_driver.doctor.subject import ExaminedSystem
+from jaka_ros_driver.kinematics.pose_check import deviation
 from jaka_ros_driver.kinematics.rotations import Transform, transform_from_pose
 from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.frame_table import frame_of
-from jaka_ros_driver.ros.model_check import deviation
 
 _NOT_NAMED = skipped("no controller was named", "jaka_doctor ip:=ADDRESS")
 _SLOW_SHARE = 0.8
@@ -124,8 +124,9 @@ def model(subject: ExaminedSystem) -> Observation:
     if why is not None:
         return why
     state, arm = subject.feed.states[-1], subject.config.arm_model()
-    found = deviation(arm, state, frame_of(_frames(answers.get(Query.TOOL_FRAMES)), state.tool_id),
-                      frame_of(_frames(answers.get(Query.USER_FRAMES)), state.user_frame_id))
+    found = None if not state.is_in_position else deviation(
+        arm, state, frame_of(_frames(answers.get(Query.TOOL_FRAMES)), state.tool_id),
+        frame_of(_frames(answers.get(Query.USER_FRAMES)), state.user_frame_id))
     if found is None:
         return skipped("the controller tells no pose, tool or user frame, or the arm moves")
     text = "model %s: the tool is %.1f mm and %.4f rad from where the controller has it" % (

@@ -6,10 +6,7 @@ from jaka_ros_driver.doctor.questions import Answers, FeedSample, ask_controller
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.driver_lock import holder_of
 from jaka_ros_driver.ros.params import DriverConfig, config_from
-from jaka_ros_driver.state import PROGRAM_UNDER_WAY
-
-STILL_RAD = 1e-4
-"""Largest change, rad, of a joint of an arm that is taken to rest."""
+from jaka_ros_driver.state import unrest
 
 
 class Refusal(NamedTuple):
@@ -76,24 +73,13 @@ class ExaminedSystem:
 
     @functools.cached_property
     def refusal(self) -> Optional[Refusal]:
-        """The reason to leave the command port alone; None where it may be asked.
-
-        A controller may end its first client's connection for a second one, so that whoever moves the arm would lose
-        it: the port is connected only while the arm is seen at rest and no driver of this computer has it.
-        """
+        """The reason to leave the command port alone, as ``unrest`` has it; None where it may be asked."""
         if self.is_status_only:
             return Refusal("--status-only was given")
         if self.holder:
             return Refusal("%s has the controller" % self.holder, is_driven_here=True)
-        states = self.feed.states
-        if len(states) < 2:
-            return Refusal("the status port does not show whether the arm moves")
-        if any(abs(a - b) > STILL_RAD for state in states for a, b in zip(state.joint_position,
-                                                                         states[0].joint_position)):
-            return Refusal("the arm moves")
-        if any(state.program_state in PROGRAM_UNDER_WAY for state in states):
-            return Refusal("a program of the controller runs")
-        return None
+        reason = unrest(self.feed.states)
+        return Refusal(reason) if reason else None
 
     @functools.cached_property
     def answers(self) -> Answers:

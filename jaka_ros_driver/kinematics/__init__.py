@@ -6,6 +6,7 @@ forward           joint angles to flange pose; Jacobian; distances to singularit
 closed_forms      closed-form inverse kinematics of the families that have one
 numeric_inverse   inverse kinematics where no closed form holds
 inverse           flange pose to joint angles
+pose_check        the controller's pose of the tool beside a model's
 limits            the audit that every command passes before anything is sent
 urdf              a URDF whose kinematics equal ours
 """

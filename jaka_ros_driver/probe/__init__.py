@@ -4,8 +4,13 @@ facts               what can be settled, what each means, and which dimension of
 recorded            connections whose every byte is kept for the wire log
 look                the stage that sends nothing: the status feed
 ask                 the stage that reads values on the command port; ``QUESTIONS`` and ``ask.ODD`` are all that it sends
+set_same            the stage that sets values to what they are; ``SETTINGS`` and ``READ_BACK`` are all that it sends
+move                the stage that moves one joint a little; ``MOVES`` is all that it sends, besides what stops the arm
+motion              the arm while it moves: its room, custody, the guard process
+person              questions to whoever is at the terminal
+page                the report as a page for a browser
 report              the report as text and as JSON, two of them compared
 program             options, the order of the stages, files
 
-Neither stage sets, moves or powers anything.
+Nothing is powered. look and ask set nothing, set moves nothing.
 """

@@ -4,6 +4,7 @@ All that it sends is in ``QUESTIONS`` and ``ODD``: names that begin with get or 
 and one piece that is no JSON, on a connection of its own. None sets, moves or powers anything
 (docs/controller-protocol.md section 5).
 """
+import select
 import time
 from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, Set, Tuple
 
@@ -19,7 +20,7 @@ _ANSWER_S = 3.0
 _SHORT_S = 1.0
 _POLLED_S = 2.0
 _ENVELOPE = frozenset(("cmdName", "errorCode", "errorMsg"))
-_NOT_KNOWN = "1"
+NOT_KNOWN = "1"
 """``errorCode`` of what a controller does not understand (docs/controller-protocol.md section 4.3)."""
 
 
@@ -75,10 +76,11 @@ class TimedReply(NamedTuple):
 
 
 class Questioner:
-    """A connection to the command port that asks one thing at a time."""
+    """A connection to the command port that asks one thing at a time; a feed is read while it waits."""
 
-    def __init__(self, connection: KeptConnection) -> None:
+    def __init__(self, connection: KeptConnection, feed: Optional[HeardFeed] = None) -> None:
         self.connection = connection
+        self._feed = feed
         self._stream = ObjectStream()
         self._waiting: List[JsonObject] = []
 
@@ -100,10 +102,24 @@ class Questioner:
                 found = self._waiting.pop(0)
                 if found.get("cmdName", name) == name:
                     return TimedReply(found, time.monotonic() - begun)
-            data = self.connection.receive(begun + patience)
+            data = self._receive(begun + patience)
             if not data:
                 return TimedReply(None, time.monotonic() - begun)
             self._waiting += [item for item in self._stream.feed(data) if not isinstance(item, FramingError)]
+
+    def _receive(self, deadline: float) -> bytes:
+        """Return what has come by a moment, as ``KeptConnection.receive`` does, and read the feed meanwhile."""
+        feed = self._feed
+        while feed is not None and not feed.connection.is_closed and not self.connection.is_closed:
+            ready, _, _ = select.select([self.connection, feed.connection], [], [],
+                                        max(0.0, deadline - time.monotonic()))
+            if feed.connection in ready:
+                feed.read()
+            if self.connection in ready:
+                return self.connection.receive_now()
+            if time.monotonic() >= deadline:
+                return b""
+        return self.connection.receive(deadline)
 
 
 def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[HeardFeed],
@@ -145,10 +161,10 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
     if not contents:
         return {"reply_time": Fact(None, how)}
     times = [replies[name].seconds for name in contents]
-    known = {name: content for name, content in contents.items() if _code(content) == "0"}
+    known = {name: content for name, content in contents.items() if code_of(content) == "0"}
     extra = sorted({key for name, content in contents.items()
                     for key in set(content) - _ENVELOPE - QUESTIONS[name].fields})
-    missing = sorted(name for name, content in contents.items() if _code(content) == _NOT_KNOWN)
+    missing = sorted(name for name, content in contents.items() if code_of(content) == NOT_KNOWN)
     codes = {type(content.get("errorCode")) for content in contents.values()}
     facts = {
         "reply_time": Fact(round(quantile(times, 0.5), 5), how, "%.4f to %.4f" % (min(times), max(times))),
@@ -165,7 +181,8 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
     return facts
 
 
-def _code(content: JsonObject) -> str:
+def code_of(content: JsonObject) -> str:
+    """Return the ``errorCode`` of a reply as a text; "" where it has none."""
     return str(content.get("errorCode", "")).strip()
 
 
@@ -197,13 +214,14 @@ def _sensitivity_key(reply: JsonObject) -> Fact:
 
 
 def _model(feed: Optional[HeardFeed], replies: Dict[str, TimedReply]) -> Fact:
-    return model_fact(feed, _frames(Query.TOOL_FRAMES, replies["get_tool_offsets"]),
-                      _frames(Query.USER_FRAMES, replies["get_user_offsets"]))
+    return model_fact(feed, frames_of(Query.TOOL_FRAMES, replies["get_tool_offsets"].content),
+                      frames_of(Query.USER_FRAMES, replies["get_user_offsets"].content))
 
 
-def _frames(query: Query, reply: TimedReply) -> Optional[Tuple[Pose, ...]]:
+def frames_of(query: Query, reply: Optional[JsonObject]) -> Optional[Tuple[Pose, ...]]:
+    """Return the frames in a reply by id; None where there is none, or it does not hold them."""
     try:
-        found: Optional[Tuple[Pose, ...]] = decode(query, reply.content) if reply.content is not None else None
+        found: Optional[Tuple[Pose, ...]] = decode(query, reply) if reply is not None else None
         return found
     except JakaError:
         return None
@@ -223,7 +241,7 @@ def _framing_facts(asked: Questioner) -> Facts:
     facts["cut_in_two"] = Fact(whole.content is not None, "within %.0f s" % _SHORT_S)
     odd = asked.ask(UNKNOWN_COMMAND, _SHORT_S)
     facts["unknown_command"] = Fact(None, "no answer within %.0f s" % _SHORT_S) if odd.content is None else Fact(
-        "code %s%s" % (_code(odd.content), ", which names it" if odd.content.get("cmdName") else ", without a name"),
+        "code %s%s" % (code_of(odd.content), ", which names it" if odd.content.get("cmdName") else ", without a name"),
         str(odd.content.get("errorMsg", ""))[:80])
     return facts
 

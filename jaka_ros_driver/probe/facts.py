@@ -8,6 +8,8 @@ class ProbeStage(enum.Enum):
 
     LOOK = "look"
     ASK = "ask"
+    SET = "set"
+    MOVE = "move"
 
 
 class Described(NamedTuple):
@@ -45,7 +47,7 @@ class Fact(NamedTuple):
 Facts = Dict[str, Fact]
 """Facts by the names of ``DESCRIBED``."""
 
-_LOOK, _ASK = ProbeStage.LOOK, ProbeStage.ASK
+_LOOK, _ASK, _SET, _MOVE = ProbeStage.LOOK, ProbeStage.ASK, ProbeStage.SET, ProbeStage.MOVE
 DESCRIBED: Dict[str, Described] = {
     "feed_period": Described(_LOOK, "period of the status feed", "s", "6.1", "feed_period"),
     "feed_longest_gap": Described(_LOOK, "longest pause between two frames", "s", "6.1"),
@@ -65,7 +67,7 @@ DESCRIBED: Dict[str, Described] = {
                                  "sensitivity_key"),
     "reply_fields_unknown": Described(_ASK, "fields in replies that no source knows", "", "4.3",
                                       "unknown_reply_fields"),
-    "commands_missing": Described(_ASK, "questions that the controller does not know", "", "5",
+    "commands_missing": Described(_ASK, "commands that the controller does not know, of those sent", "", "5",
                                   "missing_commands"),
     "reply_time": Described(_ASK, "median time from question to reply", "s", "2"),
     "reply_time_p99": Described(_ASK, "99 of 100 replies came within", "s", "2"),
@@ -79,5 +81,33 @@ DESCRIBED: Dict[str, Described] = {
     "malformed": Described(_ASK, "what becomes of a question that is no JSON", "", "3.2"),
     "second_client": Described(_ASK, "a second client of the command port coexists with the first, replaces it "
                                "or is refused", "", "1", "second_client"),
+    "same_values": Described(_SET, "settings that take the value that they have, and read it back", "", "5.7"),
+    "tool_ids": Described(_SET, "ids of tools that take a value", "", "5.7"),
+    "user_ids": Described(_SET, "ids of user frames that take a value", "", "5.7"),
+    "user_frame_key": Described(_SET, "key of `set_user_offsets` that is read", "", "5.7", "user_frame_key"),
+    "drag_command": Described(_SET, "command that switches hand guiding", "", "5.8"),
+    "io_index_base": Described(_SET, "index, in commands, of the first output in the feed", "", "5.11",
+                               "io_index_base"),
+    "io_terminal": Described(_SET, "label of the terminal that `--output` switched, as a person saw it", "", "5.11"),
+    "start_delay": Described(_MOVE, "from the acceptance of a move to its beginning", "s", "2", "start_delay"),
+    "inpos": Described(_MOVE, "when `inpos` is true: at rest (exact), already in motion (early), later, never", "",
+                       "6.2", "inpos"),
+    "stop_ends_move": Described(_MOVE, "`stop_program` ends a move", "", "5.4.4"),
+    "stop_time": Described(_MOVE, "from sending a stop to rest", "s", "5.4.4"),
+    "stop_distance": Described(_MOVE, "way of the joint meanwhile", "deg", "5.4.4"),
+    "stop_deceleration": Described(_MOVE, "mean deceleration of a stopped move", "deg/s2", "5.4.4"),
+    "stop_ends_jog": Described(_MOVE, "`stop_program` ends a jog", "", "5.5", "stop_ends_jog"),
+    "jog_stop_ends": Described(_MOVE, "the stop of a jog ends that of any axis, or of its axis", "", "5.5",
+                               "jog_stop_ends"),
+    "pause_pauses_moves": Described(_MOVE, "`pause_program` pauses a move", "", "5.4.5", "pause_pauses_moves"),
+    "servo_on_time": Described(_MOVE, "from the acceptance of servo mode until it is on", "s", "5.6.1"),
+    "servo_gaps": Described(_MOVE, "pauses of a servo stream, ms, after which it goes on", "", "5.6.5"),
+    "starvation": Described(_MOVE, "reaction of the arm to a servo stream that runs dry", "", "5.6.5", "starvation"),
+    "stop_drops_frames": Described(_MOVE, "leaving servo mode drops the frames that wait", "", "5.6.1",
+                                   "stop_drops_frames"),
+    "servo_leave_delay": Described(_MOVE, "from the acceptance of leaving servo mode until it is off", "s", "5.6.1",
+                                   "servo_leave_delay"),
+    "stop_ends_servo": Described(_MOVE, "`stop_program` ends a servo stream", "", "5.6.1", "stop_ends_servo"),
+    "room": Described(_MOVE, "largest distance of the tool from where the stage began", "mm", "5.2"),
 }
 """All facts, in the order of the report."""

@@ -1,37 +1,27 @@
 """The stage that sends nothing: the status feed for a while, with a second client of it for the second half."""
 import select
 import time
-from typing import Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
+from typing import Callable, FrozenSet, List, Optional, Sequence, Set
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
-from jaka_ros_driver.kinematics.forward import forward
-from jaka_ros_driver.kinematics.rotations import (
-    IDENTITY,
-    Transform,
-    compose,
-    distance_between,
-    rotation_angle_between,
-    transform_from_pose,
-)
+from jaka_ros_driver.kinematics.pose_check import deviation
+from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
 from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.simulation.dialect.dimension import Subset
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
+from jaka_ros_driver.state import RobotState, are_still
 
 _ENOUGH_FRAMES = 10
 _REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
 """A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
-STILL_RAD = 1e-4
-"""Largest change, rad, of a joint of an arm that is taken to rest."""
-_FITS_M, _FITS_RAD = 0.0003, 0.001
-"""Largest deviation of a tool's pose that rounding to 6 digits explains."""
 _NEVER = "no frame came"
-OMITTED: FrozenSet[str] = frozenset((
-    "drag_status", "interp_state", "on_soft_limit", "paused", "rapidrate", "actual_position", "errmsg", "monitor_data",
-    "torqsensor", "curr_tcp_trans_vel", "current_tool_id", "current_user_id", "task_state"))
+_LEFT_OUT = DIMENSIONS["missing_frame_fields"]
+OMITTED: FrozenSet[str] = frozenset(_LEFT_OUT.names if isinstance(_LEFT_OUT, Subset) else ())
 """Fields that a controller can be set up to leave out (docs/controller-protocol.md section 6.1), as far as the
 simulated one can do so.
 """
@@ -53,6 +43,7 @@ class HeardFeed:
         fields: The names of all fields.
         lengths: Of frames, bytes.
         damaged: Number of frames that were cut or wrong.
+        on_state: Takes each state that could be read; None for nobody.
     """
 
     _KEPT = 50
@@ -65,6 +56,7 @@ class HeardFeed:
         self.fields: Set[str] = set()
         self.lengths: List[int] = []
         self.damaged = 0
+        self.on_state: Optional[Callable[[RobotState], None]] = None
 
     def read(self) -> None:
         """Take what has come."""
@@ -80,18 +72,14 @@ class HeardFeed:
                 self.states = [*self.states[1 - self._KEPT:], parse_status(item, now)]
             except JakaError:
                 self.damaged += 1
+                continue
+            if self.on_state is not None:
+                self.on_state(self.states[-1])
 
     @property
     def gaps(self) -> List[float]:
         """Times between frames, s."""
         return [later - before for before, later in zip(self.times, self.times[1:])]
-
-    @property
-    def is_still(self) -> bool:
-        """Return whether the newest states show an arm at rest."""
-        return len(self.states) > 1 and all(
-            abs(a - b) <= STILL_RAD for state in self.states
-            for a, b in zip(state.joint_position, self.states[0].joint_position))
 
 
 def listen(feeds: Sequence[HeardFeed], until: float) -> None:
@@ -206,21 +194,18 @@ def model_fact(feed: Optional[HeardFeed], tools: Optional[Sequence[Pose]], users
     if feed is None or not feed.states:
         return Fact(None, _NEVER)
     state = feed.states[-1]
-    if not feed.is_still:
+    if not are_still(feed.states):
         return Fact(None, "the arm moved: joints and pose of a frame may be of two cycles")
     tool, user = _frame(state.tool_id, tools), _frame(state.user_frame_id, users)
-    if state.tcp_position is None or state.tcp_rpy is None or tool is None or user is None:
+    compared = ((name, deviation(load_model(name), state, tool, user)) for name in model_names())
+    found = {name: difference for name, difference in compared if difference is not None}
+    if not found:
         return Fact(None, "tool %s and user frame %s: the pose of the flange is not known" % (
             state.tool_id, state.user_frame_id))
-    theirs = compose(user, transform_from_pose(Pose(state.tcp_position, state.tcp_rpy)))
-    found: Dict[str, Tuple[float, float]] = {}
-    for name in model_names():
-        ours = compose(forward(load_model(name), state.joint_position), tool)
-        found[name] = distance_between(ours, theirs), rotation_angle_between(ours, theirs)
-    fitting = [name for name, (way, angle) in found.items() if way <= _FITS_M and angle <= _FITS_RAD]
+    fitting = [name for name, difference in found.items() if not difference.is_wrong]
     nearest = min(found, key=lambda name: found[name])
     how = "nearest is %s, %.2f mm and %.4f rad away, of %d models" % (
-        nearest, found[nearest][0] * 1000.0, found[nearest][1], len(found))
+        nearest, found[nearest].distance * 1000.0, found[nearest].angle, len(found))
     return Fact(fitting, how)
 
 

@@ -1,30 +1,45 @@
 """The command jaka_probe: its options, the stages in order, and what it leaves."""
 import argparse
+import contextlib
 import json
 import sys
+import time
 from pathlib import Path
-from typing import List, Optional
+from typing import Dict, Iterator, List, Optional
 
+from jaka_ros_driver.client.guard import Guard
+from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe import report
-from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask
+from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask, frames_of
 from jaka_ros_driver.probe.facts import Fact, Facts, ProbeStage
-from jaka_ros_driver.probe.look import HeardFeed, look
+from jaka_ros_driver.probe.look import HeardFeed, listen, look
+from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover
+from jaka_ros_driver.probe.move import AXIS, MOVES, Curve, move, why_not
+from jaka_ros_driver.probe.page import page
+from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.recorded import ConnectionLog
+from jaka_ros_driver.probe.set_same import HOLD_S, SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
-from jaka_ros_driver.ros.driver_lock import holder_of
-from jaka_ros_driver.state import PROGRAM_UNDER_WAY
+from jaka_ros_driver.ros.driver_lock import DriverLock, holder_of
+from jaka_ros_driver.state import unrest
 
 _NAME = "jaka_probe"
 _SECONDS = 30.0
-REPORT, TEXT, DIALECT, WIRE = "probe.json", "probe.txt", "dialect.json", "wire.mcap"
-_FILES = (REPORT, TEXT, DIALECT, WIRE)
+_SETTLE_S = 1.0
+_GLANCE_S = 0.01
+_HIGHEST_OUTPUT = 15
+REPORT, TEXT, PAGE, DIALECT, WIRE = "probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"
+_FILES = (REPORT, TEXT, PAGE, DIALECT, WIRE)
 _EPILOG = """\
 Stages: look sends nothing; it reads the status port. ask, the default, goes on to read values on the command port.
-Neither sets, moves or powers anything. Without --keep-identity no file has the arm's address, name or serial number.
+Neither sets, moves or powers anything. set writes values that are there already, and sets back what it changes; it
+moves and powers nothing. move moves one joint by 3 deg at most, each step confirmed at the terminal by a person
+who stands at the emergency stop; the arm is enabled before. Without --keep-identity no file has the arm's address, name
+or serial number.
 
   jaka_probe 10.5.5.100 --out my_arm
-  jaka_sim --dialect my_arm/dialect.json
+  jaka_sim --like my_arm/probe.json
   jaka_probe explain my_arm/probe.json
   jaka_probe diff before/probe.json after/probe.json
 
@@ -36,11 +51,15 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the options."""
     made = argparse.ArgumentParser(
         prog=_NAME, formatter_class=argparse.RawDescriptionHelpFormatter, epilog=_EPILOG,
-        description="Find out how a controller differs from what documents say, without moving or setting anything.")
+        description="Find out how a controller differs from what documents say: by a look at its feed, by questions "
+        "and, where that is wanted, by values that are set to what they are, and by a few small motions.")
     made.add_argument("address", metavar="ADDRESS", help="of the controller; or explain, or diff")
     made.add_argument("files", nargs="*", metavar="FILE", help="one probe.json to explain, two to compare")
     made.add_argument("--stage", choices=[stage.value for stage in ProbeStage], default=ProbeStage.ASK.value,
                       help="the last stage, default %(default)s")
+    made.add_argument("--output", type=_output, metavar="N",
+                      help="index, in commands, of a digital output of the cabinet that the stage set switches for 1 "
+                      "s: by one count it is output N, by the other N + 1; nothing may happen by either")
     made.add_argument("--out", metavar="FOLDER", help="where the files are written: %s" % ", ".join(_FILES))
     made.add_argument("--seconds", type=_seconds, default=_SECONDS, metavar="S",
                       help="how long to listen to the status port, default %(default)g")
@@ -58,6 +77,13 @@ def _seconds(text: str) -> float:
     return value
 
 
+def _output(text: str) -> int:
+    value = int(text)
+    if not 1 <= value <= _HIGHEST_OUTPUT:
+        raise argparse.ArgumentTypeError("must be from 1 to %d" % _HIGHEST_OUTPUT)
+    return value
+
+
 def _port(text: str) -> int:
     value = int(text)
     if not 0 < value < 65536:
@@ -72,9 +98,12 @@ def main(argv: Optional[List[str]] = None) -> int:
     wanted = {"explain": 1, "diff": 2}.get(options.address, 0)
     if len(options.files) != wanted:
         made.error("%s takes %s" % (options.address, ["no file", "one file", "two files"][wanted]))
+    if options.output is not None and options.stage not in (ProbeStage.SET.value, ProbeStage.MOVE.value):
+        made.error("--output needs --stage set")
     try:
         if options.address == "explain":
-            print("\n".join(report.text(report.facts_of(report.read(options.files[0])))))
+            content = report.read(options.files[0])
+            print("\n".join(report.text(report.facts_of(content), report.left_of(content))))
             return 0
         if options.address == "diff":
             one, other = (report.facts_of(report.read(path)) for path in options.files)
@@ -94,74 +123,168 @@ def _probe(options: argparse.Namespace) -> int:
     taken = [name for name in _FILES if (folder / name).exists()]
     if taken:
         raise JakaError("%s has %s already; name another folder" % (folder, taken[0]))
-    record, code = ConnectionLog(options.address), 1
-    facts: Facts = {}
-    done: List[ProbeStage] = []
+    run, code = _Run(options), 1
     try:
-        code = _run(options, record, facts, done)
+        code = run.stages()
     except KeyboardInterrupt:
         _tell("ended by Ctrl-C; what is known by now is written")
         code = 130
     finally:
-        record.close()
-        _write(folder, options, record, facts, done, code == 0)
+        with uninterrupted():
+            run.record.close()
+            run.write(folder, code == 0)
     return code
 
 
-def _run(options: argparse.Namespace, record: ConnectionLog, facts: Facts, done: List[ProbeStage]) -> int:
-    _tell("look: %.0f s of the status port; nothing is sent" % options.seconds)
-    done.append(ProbeStage.LOOK)
-    feed = look(record, facts, options.status_port, options.poll_port, options.seconds)
-    if options.stage == ProbeStage.LOOK.value:
-        return 0 if feed is not None else 1
-    refusal = _refusal(options, feed)
-    if refusal:
-        _tell("ask: left out, %s" % refusal)
+class _Run:
+    """One run of the program: the stages in order, and what they leave."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options = options
+        self._last = list(ProbeStage).index(ProbeStage(options.stage))
+        self._done: List[ProbeStage] = []
+        self._facts: Facts = {}
+        self._back = SetBack()
+        self._curves: Dict[str, Curve] = {}
+        self._person = Person(_NAME)
+        self.record = ConnectionLog(options.address)
+
+    def stages(self) -> int:
+        """Run the stages up to the last that is wanted; return an exit code."""
+        feed = self._look()
+        if feed is None or self._last == 0:
+            return 0 if feed is not None else self._leave_out(ProbeStage.ASK, self._refusal(feed))
+        for stage, run in ((ProbeStage.ASK, self._ask), (ProbeStage.SET, self._set),
+                           (ProbeStage.MOVE, self._move))[:self._last]:
+            if stage is not ProbeStage.ASK:
+                listen([feed], time.monotonic() + _SETTLE_S)  # frames that waited to be read are old
+            refusal = self._refusal(feed)
+            if refusal:
+                return self._leave_out(stage, refusal)
+            code = run(feed)
+            if code:
+                return code
+        return 0
+
+    def _look(self) -> Optional[HeardFeed]:
+        _tell("look: %.0f s of the status port; nothing is sent" % self._options.seconds)
+        self._done.append(ProbeStage.LOOK)
+        return look(self.record, self._facts, self._options.status_port, self._options.poll_port,
+                    self._options.seconds)
+
+    def _leave_out(self, stage: ProbeStage, reason: str) -> int:
+        if self._last:
+            _tell("%s: left out, %s" % (stage.value, reason))
         return 1
-    _tell("ask: %d questions that read, %d pieces that nobody understands; nothing is set or moved" % (
-        len(QUESTIONS), len(ODD)))
-    done.append(ProbeStage.ASK)
-    try:
-        ask(record, facts, options.command_port, feed, lambda line: _tell("     " + line))
-    except OSError as error:
-        facts["reply_time"] = Fact(None, "the command port %d: %s" % (options.command_port, error))
-        return 1
-    return 0
 
+    def _refusal(self, feed: Optional[HeardFeed]) -> str:
+        """Return why the command port is left alone; "" where it may be asked."""
+        holder = holder_of(self._options.address, self._options.command_port)
+        if holder:
+            return "%s has the controller; end it first" % holder
+        return unrest([] if feed is None else feed.states)
 
-def _refusal(options: argparse.Namespace, feed: Optional[HeardFeed]) -> str:
-    """Return why the command port is left alone; "" where it may be asked.
+    def _ask(self, feed: HeardFeed) -> int:
+        _tell("ask: %d questions that read, %d pieces that nobody understands; nothing is set or moved" % (
+            len(QUESTIONS), len(ODD)))
+        self._done.append(ProbeStage.ASK)
+        try:
+            ask(self.record, self._facts, self._options.command_port, feed, _tell_part)
+        except OSError as error:
+            self._facts["reply_time"] = Fact(None, "the command port %d: %s" % (self._options.command_port, error))
+            return 1
+        return 0
 
-    A controller may end its first client's connection for a second one: whoever moves the arm would lose it.
-    """
-    holder = holder_of(options.address, options.command_port)
-    if holder:
-        return "%s has the controller; end it first" % holder
-    if feed is None or len(feed.states) < 2:
-        return "the status port does not show whether the arm moves"
-    if not feed.is_still:
-        return "the arm moves"
-    if any(state.program_state in PROGRAM_UNDER_WAY for state in feed.states):
-        return "a program of the controller runs"
-    return ""
+    def _set(self, feed: HeardFeed) -> int:
+        output = self._options.output
+        _tell("set: these commands, and those that read the same values back; nothing is moved or powered")
+        for name, to in SETTINGS.items():
+            if name != "set_digital_output" or output is not None:
+                _tell_part("%s: %s" % (name, to))
+        if output is not None:
+            _tell_part("outputs %d and %d of the cabinet, counted from 0: one of them switches for %.0f s" % (
+                output - 1, output, HOLD_S))
+        _tell_part("frames are written without a name: no command reads it. Ctrl-C waits until a value is set back")
+        self._done.append(ProbeStage.SET)
+        desk = Desk(self.record, self._options.command_port, feed)
+        with self._locked():
+            try:
+                set_same(desk, self._facts, self._back, output, lambda question: self._person.ask(
+                    question, lambda: listen([feed], time.monotonic() + _GLANCE_S)), _tell_part)
+            except StageEnded as ended:
+                _tell("set: ended, %s" % ended)
+                return 1
+            finally:
+                desk.close()
+        return 1 if self._back.left else 0
 
+    def _move(self, feed: HeardFeed) -> int:
+        desk = Desk(self.record, self._options.command_port, feed)
+        version, table = desk.read("get_version"), desk.read("get_tool_offsets")
+        desk.close()
+        reason = "" if self._person.is_there else "standard input is no terminal: nobody can confirm its steps"
+        reason = reason or why_not(feed.states, frames_of(Query.TOOL_FRAMES, table))
+        if reason:
+            return self._leave_out(ProbeStage.MOVE, reason)
+        name = str((version or {}).get("robot_name") or self._options.address)
+        _tell("move: these commands, each step after your consent; a guard process stops the arm where this one ends")
+        for command, what in MOVES.items():
+            _tell_part("%s: %s" % (command, what))
+        _tell_part("no joint goes further than 3 deg; where the tool leaves a sphere of %.0f mm round its start, the "
+                   "arm is stopped" % (1000.0 * ROOM_M))
+        if self._person.ask("the arm MOVES. Its name is %s; type it to go on: " % name) != name:
+            return self._leave_out(ProbeStage.MOVE, "that was not its name")
+        listen([feed], time.monotonic() + _SETTLE_S)
+        reason = unrest(feed.states)
+        if reason:
+            return self._leave_out(ProbeStage.MOVE, reason)
+        self._done.append(ProbeStage.MOVE)
+        with self._locked():
+            guard = Guard(self._options.address, self._options.command_port, self._options.status_port)
+            arm = Mover(self.record, self._options.command_port, feed, guard, AXIS, _tell_part)
+            try:
+                move(arm, self._facts, self._curves, self._person, _tell_part)
+            except StageEnded as ended:
+                _tell("move: ended, %s" % ended)
+                return 1
+            except MotionEnded as ended:
+                self._back.left.append(str(ended))
+                return 1
+            finally:
+                arm.close()
+                guard.close()
+        return 0
 
-def _write(folder: Path, options: argparse.Namespace, record: ConnectionLog, facts: Facts, done: List[ProbeStage],
-           is_whole: bool) -> None:
-    lines = report.text(facts)
-    print("\n".join(["", *lines]), flush=True)
-    (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    content = json.dumps(report.as_json(facts, done, is_whole), indent=1)
-    (folder / REPORT).write_text(content + "\n", encoding="utf-8")
-    (folder / DIALECT).write_text(json.dumps(report.dialect_of(facts), indent=1) + "\n", encoding="utf-8")
-    record.write(str(folder / WIRE), options.keep_identity)
-    left_out = "; the last %d bytes that came are not in %s" % (record.left_out, WIRE) if record.left_out else ""
-    _tell("written to %s: %s%s" % (folder, ", ".join(_FILES), left_out))
-    firmware, models = report.firmware_of(facts), facts.get("model", Fact(None, "")).value
-    if firmware:
-        _tell("a simulated controller like it: jaka_sim --firmware %s%s --dialect %s" % (
-            firmware, " --model %s" % models[0] if models else "", folder / DIALECT))
+    @contextlib.contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Let no driver of this computer have the controller."""
+        with uninterrupted():  # its thread must leave Ctrl-C to this one
+            lock = DriverLock(self._options.address, self._options.command_port, _NAME)
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def write(self, folder: Path, is_whole: bool) -> None:
+        """Write and print the report, and write the log of the wire."""
+        lines = report.text(self._facts, self._back.left)
+        print("\n".join(["", *lines]), flush=True)
+        (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        content = report.as_json(self._facts, self._done, is_whole, self._back.left, self._curves)
+        (folder / REPORT).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        (folder / PAGE).write_text(page(content, self._facts), encoding="utf-8")
+        (folder / DIALECT).write_text(json.dumps(report.dialect_of(self._facts), indent=1) + "\n", encoding="utf-8")
+        self.record.write(str(folder / WIRE), self._options.keep_identity)
+        left_out = "; the last %d bytes that came are not in %s" % (
+            self.record.left_out, WIRE) if self.record.left_out else ""
+        _tell("written to %s: %s%s" % (folder, ", ".join(_FILES), left_out))
+        if report.firmware_of(self._facts):
+            _tell("a simulated controller like it: jaka_sim --like %s" % (folder / REPORT))
 
 
 def _tell(line: str) -> None:
     print("%s: %s" % (_NAME, line), flush=True)
+
+
+def _tell_part(line: str) -> None:
+    _tell("     " + line)

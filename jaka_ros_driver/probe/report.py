@@ -1,30 +1,40 @@
 """The report of a probe: text for the reader, JSON for programs, and what differs between two of them."""
 import json
 import textwrap
+from types import MappingProxyType
 from typing import Any, Dict, List, Mapping, Sequence
 
 from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
+from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMAT
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
-FORMAT = 1
 _WIDTH = 110
-_LONGEST_FILE = 1 << 20
-_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05}
-"""Differences that are chance: of a period, s; of a length, as a share."""
+_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02}
+"""Differences that are chance: of times, s; of a length, as a share."""
 
 
 class ReportError(JakaError):
     """A report that cannot be read."""
 
 
-def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool) -> Dict[str, Any]:
-    """Return the content of probe.json."""
+def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool, left: Sequence[str] = (),
+            curves: Mapping[str, Any] = MappingProxyType({})) -> Dict[str, Any]:
+    """Return the content of probe.json.
+
+    Args:
+        facts: By name.
+        stages: Those that were begun.
+        is_whole: All of them ran to their ends.
+        left: A line for each value that could not be set back.
+        curves: By name, points of a motion: s, deg.
+    """
     return {
-        "format": FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],
-        "is_whole": is_whole, "firmware": firmware_of(facts),
+        "format": REPORT_FORMAT, "made_by": "jaka_probe %s" % __version__, "stages": [stage.value for stage in stages],
+        "is_whole": is_whole, "not_set_back": list(left), "firmware": firmware_of(facts),
+        "curves": dict(curves), "dialect": dialect_of(facts),
         "facts": {name: dict(facts[name]._asdict(), unit=DESCRIBED[name].unit, meaning=DESCRIBED[name].meaning)
                   for name in DESCRIBED if name in facts}}
 
@@ -53,12 +63,13 @@ def read(path: str) -> Dict[str, Any]:
     """Return the content of a probe.json; raise ReportError where it is none."""
     try:
         with open(path, encoding="utf-8") as file:
-            text = file.read(_LONGEST_FILE + 1)
-        content = json.loads(text) if len(text) <= _LONGEST_FILE else None
+            text = file.read(LONGEST_REPORT + 1)
+        content = json.loads(text) if len(text) <= LONGEST_REPORT else None
     except (OSError, ValueError, RecursionError) as error:
         raise ReportError("%s: %s" % (path, error)) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or not isinstance(content.get("facts"), dict):
-        raise ReportError("%s is no probe.json of format %d" % (path, FORMAT))
+    if not isinstance(content, dict) or content.get("format") != REPORT_FORMAT or not isinstance(
+            content.get("facts"), dict):
+        raise ReportError("%s is no probe.json of format %d" % (path, REPORT_FORMAT))
     return content
 
 
@@ -80,9 +91,17 @@ def firmware_of(facts: Facts) -> str:
     return ""
 
 
-def text(facts: Facts) -> List[str]:
-    """Return the lines of the report."""
+def left_of(content: Mapping[str, Any]) -> List[str]:
+    """Return what could not be set back, by a probe.json."""
+    left = content.get("not_set_back", [])
+    return [str(line) for line in left] if isinstance(left, list) else []
+
+
+def text(facts: Facts, left: Sequence[str] = ()) -> List[str]:
+    """Return the lines of the report; what could not be set back, ``left``, is said first."""
     lines: List[str] = []
+    if left:
+        lines += ["NOT SET BACK", "", *(row for line in left for row in _wrapped(line)), ""]
     settled = {name: fact for name, fact in facts.items() if fact.value is not None}
     lines += ["Settled", ""]
     for name in DESCRIBED:
@@ -96,7 +115,8 @@ def text(facts: Facts) -> List[str]:
     firmware = firmware_of(facts)
     if firmware:
         lines += ["", "Otherwise than the simulated controller of firmware %s" % firmware, ""]
-        lines += _differences(facts, firmware) or ["  nothing that was looked for"]
+        lines += [row for line in differences(facts, firmware) for row in _wrapped(line)] or [
+            "  nothing that was looked for"]
     return lines
 
 
@@ -120,7 +140,8 @@ def words(value: Any) -> str:
     return "not settled" if value is None else "%s" % value
 
 
-def _differences(facts: Facts, firmware: str) -> List[str]:
+def differences(facts: Facts, firmware: str) -> List[str]:
+    """Return a line for each settled dimension that is otherwise than in this firmware's simulated controller."""
     usual = Dialect.default(firmware).as_dict()
     lines: List[str] = []
     for key, value in dialect_of(facts).items():
@@ -132,7 +153,7 @@ def _differences(facts: Facts, firmware: str) -> List[str]:
         if key == "missing_commands" and set(value) <= set(expected):
             continue  # not all of them are asked
         if value != expected:
-            lines += _wrapped("%s: %s, there %s (%s)" % (key, words(value), words(expected), DIMENSIONS[key].meaning))
+            lines.append("%s: %s, there %s (%s)" % (key, words(value), words(expected), DIMENSIONS[key].meaning))
     return lines
 
 
@@ -150,5 +171,9 @@ def _is_chance(name: str, a: Any, b: Any) -> bool:
     if DESCRIBED[name].unit and isinstance(a, (int, float)) and isinstance(b, (int, float)):
         if name in ("feed_period", "feed_period_told", "frame_bytes"):
             return abs(a - b) <= max(0.05 * max(a, b), 0.0005)
+        if name in _LESS_THAN:
+            return abs(a - b) <= _LESS_THAN[name]
+        if DESCRIBED[name].stage is ProbeStage.MOVE:
+            return abs(a - b) <= max(0.25 * max(abs(a), abs(b)), 0.05)
         return True  # times of replies and pauses are those of the host, too
     return False

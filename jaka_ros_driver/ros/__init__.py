@@ -19,6 +19,7 @@ connections   bounds of the node's connections, and which are closed when there 
 driver_lock, single_name   one driver for each controller, one node for each name
 short_calls   calls of masters and nodes that end in time
 start_checks  refuses to start where no client can reach the node, time stands still, or a topic is used twice
+controller_profile   what a report of jaka_probe tells of the controller
 exit_codes    what a supervisor learns of a driver that has ended
 master_watch  registers again with a ROS master that was restarted
 log_bridge    log records of the package to rosout, the screen and the node's log file

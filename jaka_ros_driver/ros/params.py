@@ -17,6 +17,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+from jaka_ros_driver.ros.controller_profile import ControllerProfile, profile_from
 from jaka_ros_driver.ros.gripper import KEYS, Gripper, gripper_from
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
@@ -188,6 +189,10 @@ class DriverConfig:
         "then the terminal that is seen to change counts as the one that was meant, and with 1 get_io asks the "
         "controller with the same index.",
         _io_index_base)
+    controller_profile: Optional[ControllerProfile] = _parameter(
+        None, "text", "", "empty, or path of a probe.json", "A report of jaka_probe on this controller "
+        "(first_contact.md). It sets io_index_base where that is auto and the interface is documented, and diagnostics "
+        "tell what it has settled and what stays assumed. Default: none.", profile_from)
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
                            "With it, the driver uses no controller but the simulated one of this identity; set by the "
                            "launch files.")
@@ -310,12 +315,21 @@ class DriverConfig:
     def sent_index_base(self) -> Optional[int]:
         """The index on the wire of the first terminal; None where the controller's version tells.
 
+        A parameter that sets it goes before the maker's drivers, and these before a profile of the controller.
+
         SDK 2.1.11, of the maker's driver of 2024, sends its caller's index; 2.1.14, of that of 2025, the index plus 1
         (docs/controller-protocol.md section 5.11).
         """
-        if self.io_index_base is not None or not self.is_vendor:
+        if self.io_index_base is not None:
             return self.io_index_base
-        return int(self.is_vendor_2025)
+        if self.is_vendor:
+            return int(self.is_vendor_2025)
+        return None if self.controller_profile is None else self.controller_profile.io_index_base
+
+    @property
+    def is_io_base_set(self) -> bool:
+        """True where a parameter or the interface has set the index of the first terminal."""
+        return self.io_index_base is not None or self.is_vendor
 
     @property
     def asks_for_terminals(self) -> bool:

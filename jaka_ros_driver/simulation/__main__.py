@@ -13,13 +13,18 @@ from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.simulation.arm.servo import Starvation
 from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.dialect.like import like_controller
 from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 from jaka_ros_driver.simulation.simulated_controller import SINGLE_CLIENT, SimulatedController
+from jaka_ros_driver.units import deg_to_rad
 from jaka_ros_driver.wire import proxy
 from jaka_ros_driver.wire.sockets import LOOPBACK
 from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
+
+_MODEL, _FIRMWARE = "zu7", "1.5.14"
+"""Model and firmware where nothing tells others."""
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -43,7 +48,7 @@ def _serve(arguments: List[str]) -> int:
         print("jaka_sim: warning: listening on %s: everybody who reaches this address can drive the simulated arm"
               % options.host, file=sys.stderr)
     try:
-        settings["dialect"] = _dialect(options.dialect, settings.pop("dialect_seed"), options.firmware)
+        settings.update(_as_told(settings.pop("like"), options.dialect, settings.pop("dialect_seed"), options))
         path = settings.pop("begin_with")
         arm = SimulatedController(**settings, beginning=Beginning.from_file(path) if path else None)
         stop_on_signals(arm.stop)
@@ -53,6 +58,21 @@ def _serve(arguments: List[str]) -> int:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
         return 1
     return 0
+
+
+def _as_told(like: Optional[str], path: Optional[str], seed: Optional[int],
+             options: argparse.Namespace) -> Dict[str, Any]:
+    """Return firmware, model, dialect and deceleration, of a report where there is one."""
+    if like is None:
+        firmware = options.firmware or _FIRMWARE
+        return {"firmware": firmware, "model": options.model or _MODEL, "dialect": _dialect(path, seed, firmware)}
+    found = like_controller(like, options.firmware)
+    model, rate = options.model or found.model or _MODEL, found.stop_deceleration
+    print("jaka_sim: like %s: firmware %s, model %s, stops at %s, dialect %s" % (
+        like, found.firmware, model, "the model's deceleration" if rate is None else "%.1f deg/s2" % rate,
+        json.dumps(found.dialect.as_dict())), file=sys.stderr)
+    return {"firmware": found.firmware, "model": model, "dialect": found.dialect,
+            "stop_deceleration": None if rate is None else deg_to_rad(rate)}
 
 
 def _dialect(path: Optional[str], seed: Optional[int], firmware: str) -> Dialect:
@@ -72,7 +92,8 @@ def _serving_parser() -> argparse.ArgumentParser:
         prog="jaka_sim", description="A simulated JAKA controller. Its first line of output is JSON with the numbers "
         "of its ports. 'jaka_sim panel --help' describes the operator port, 'jaka_sim proxy --help' the "
         "recording of a real controller.")
-    parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
+    parser.add_argument("--model", metavar="NAME", help="one of %s; default %s, or the one of --like" % (
+        ", ".join(model_names()), _MODEL))
     parser.add_argument("--dh-file", metavar="FILE", type=file_or_none,
                         help="a model of your own instead, see docs/simulation.md; none: no file")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
@@ -83,11 +104,14 @@ def _serving_parser() -> argparse.ArgumentParser:
                             help="%s; 0 for a free port, default %d" % (text, default))
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
                         help="simulated seconds a wall second, default 1")
-    parser.add_argument("--firmware", default="1.5.14", choices=list(FIRMWARES), help="generation, default 1.5.14")
+    parser.add_argument("--firmware", choices=list(FIRMWARES),
+                        help="generation, default %s, or the one of --like" % _FIRMWARE)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--dialect", metavar="FILE", help="YAML or JSON: what it does on points that are open; see "
                        "docs/simulation.md. Default: the likeliest of the firmware")
     which.add_argument("--dialect-seed", type=int, metavar="N", help="draw every one of these points, and print them")
+    which.add_argument("--like", metavar="FILE", help="a probe.json of jaka_probe: a controller like the one that it "
+                       "was made of, with its firmware, model and dialect; see docs/first_contact.md")
     parser.add_argument("--io-index-base", type=int, choices=[0, 1], help="index of the first terminal in commands "
                         "about inputs and outputs, instead of the dialect's")
     parser.add_argument("--force-sensor", action="store_true", help="a force and torque sensor at the flange, which "

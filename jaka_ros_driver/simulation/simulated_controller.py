@@ -14,7 +14,7 @@ import uuid
 from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
-from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
+from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.executor import Controller
@@ -30,6 +30,8 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 SINGLE_CLIENT = {"replace": REPLACES, "refuse": REFUSED, "coexist": COEXISTS}
 """Spellings of the dimension ``second_client`` on the command line."""
 MAX_TIME_SCALE = 100.0
+_LEAST_BRAKING = 0.01
+"""Smallest deceleration of a stop, as a share of what the model allows."""
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
@@ -51,7 +53,7 @@ class SimulatedController:
                  log: Optional[str] = None, host: str = LOOPBACK, command_port: int = 0, status_port: int = 0,
                  poll_port: int = 0, panel_port: Optional[int] = 0, identity: Optional[str] = None,
                  io_index_base: Optional[int] = None, force_sensor: bool = False,
-                 beginning: Optional[Beginning] = None) -> None:
+                 beginning: Optional[Beginning] = None, stop_deceleration: Optional[float] = None) -> None:
         """Listen on the ports.
 
         Args:
@@ -76,6 +78,8 @@ class SimulatedController:
             io_index_base: Instead of the dialect's: index of the first terminal in commands, 0 or 1.
             force_sensor: True for a force and torque sensor at the flange.
             beginning: Joints, tool, user frame, load and terminals at the start; None for the usual ones.
+            stop_deceleration: Of joint 6 in a stop, rad/s2, which scales those of all joints; None, and what is more
+                than the model allows: as the model allows.
 
         Raises:
             InvalidCommand: A value is not one of those above.
@@ -97,7 +101,8 @@ class SimulatedController:
         self.dialect = dataclasses.replace(
             (dialect or Dialect.default(firmware)).replaced(_given(instead)), **_given(delays))
         options = Options(self.dialect, _one_of("start", start, {s.value: s for s in Start}),
-                          MIN_FEED_PERIOD_S * time_scale, identity, force_sensor)
+                          MIN_FEED_PERIOD_S * time_scale, identity, force_sensor,
+                          _braking_share(arm, stop_deceleration))
         begun = beginning or Beginning({})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options, begun.joint_position)
         begun.apply(controller.state)
@@ -176,6 +181,12 @@ class SimulatedController:
 
 def _given(values: Dict[str, Any]) -> Dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _braking_share(arm: ArmModel, deceleration: Optional[float]) -> float:
+    if deceleration is None:
+        return 1.0
+    return min(1.0, max(_LEAST_BRAKING, deceleration / arm.joint_max_acceleration[-1]))
 
 
 def _one_of(what: str, value: str, known: Dict[str, Any]) -> Any:

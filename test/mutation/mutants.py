@@ -489,7 +489,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("one wrong sample condemns the model", "ros/model_check.py", "_CONFIRMATIONS = 2", "_CONFIRMATIONS = 1",
            MODEL_CHECK),
     Mutant("the model is compared in motion", "ros/model_check.py",
-           "if (not state.is_in_position or state", "if (state",
+           "if not state.is_in_position:", "if False:",
            MODEL_CHECK),
     Mutant("wrong samples need not follow each other", "ros/model_check.py",
            "self._seen + 1 if found.is_wrong else 0", "self._seen + 1 if found.is_wrong else self._seen", MODEL_CHECK),

@@ -9,117 +9,86 @@ import threading
 import time
 
 import pytest
+from probe_bench import WAIT, command, facts_in, probe, wrong
 from program_places import command_of
 from raw_client import RawClient
 
 from jaka_ros_driver.probe import report
-from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS, UNKNOWN_COMMAND
-from jaka_ros_driver.probe.facts import DESCRIBED, Fact
+from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
+from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.look import KNOWN, OMITTED, HeardFeed, feed_facts
 from jaka_ros_driver.probe.recorded import KeptPiece, hidden, without_identity
-from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 from jaka_ros_driver.wire.log import read_log
 
-WAIT = 60.0
-FILES = {"probe.json", "probe.txt", "dialect.json", "wire.mcap"}
+FILES = {"probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"}
 
 
-class Controller:
-    """The executable jaka_sim on free ports, with a log of all that it is sent."""
-
-    def __init__(self, folder, *arguments):
-        self.log = folder / ("sent-%d.mcap" % time.monotonic_ns())
-        self.process = subprocess.Popen(
-            [*command_of("jaka_sim"), "--command-port", "0", "--status-port", "0", "--poll-port", "0", "--start",
-             "enabled", "--log", str(self.log), *arguments],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        self.ports = json.loads(self.process.stdout.readline())
-
-    def close(self):
-        self.process.terminate()
-        self.process.communicate(timeout=WAIT)
-
-    def sent(self):
-        """Return the names of the commands that it was sent, and the pieces that hold none."""
-        self.close()
-        names, stream = [], ObjectStream()
-        for event in read_log(str(self.log)):
-            if getattr(event, "port", "") == "command" and event.what == "in":
-                if event.data == MALFORMED:
-                    names.append("malformed")
-                    continue
-                names += [item["cmdName"] for item in stream.feed(event.data)]
-        return names
-
-    def status_bytes(self):
-        return sum(len(event.data) for event in read_log(str(self.log))
-                   if getattr(event, "port", "") in ("status", "poll") and event.what == "in")
+BEGINNING = {
+    "tool": {"id": 2, "offset": [0.0, 0.0, 0.12, 0.0, 0.0, 0.3]},
+    "user_frame": {"id": 1, "offset": [0.2, 0.0, 0.0, 0.0, 0.0, 1.0]},
+    "payload": {"mass": 1.2345, "centroid": [0.0, 0.01, 0.04]}, "collision_level": 2,
+    "terminals": {"cabinet": {"digital_outputs": {"1": 1, "2": 1, "4": 1}}}}
+"""Values that a probe finds on a controller, and must leave there."""
+VALUES = sorted(READ_BACK - {"get_digital_output"})
 
 
 @pytest.fixture
-def controller(tmp_path):
-    with contextlib.ExitStack() as stack:
-        def start(*arguments):
-            return stack.enter_context(contextlib.closing(Controller(tmp_path, *arguments)))
-        yield start
+def begun(tmp_path):
+    path = tmp_path / "beginning.json"
+    path.write_text(json.dumps(BEGINNING))
+    return "--begin-with", str(path)
 
 
-def command(folder, ports, *arguments, address="127.0.0.1"):
-    return [*command_of("jaka_probe"), address, "--out", str(folder), "--seconds", "1.5",
-            *(word for name in ("command", "status", "poll")
-              for word in ("--%s-port" % name, str(ports[name + "_port"]))), *arguments]
+def values_of(arm, base):
+    """Return all that the stage set may write, as the controller has it."""
+    with RawClient(arm.ports["command_port"]) as client:
+        found = {name: client.ask(name) for name in VALUES}
+        found["outputs"] = [client.ask("get_digital_output", type=0, index=base + place)["value"] for place in range(8)]
+    time.sleep(0.3)  # a controller that serves one client sees the end of this one
+    return found
 
 
-def probe(folder, ports, *arguments):
-    done = subprocess.run(command(folder, ports, *arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          text=True, timeout=WAIT)
-    assert "Traceback" not in done.stdout, done.stdout
-    return done
-
-
-def facts_in(folder):
-    return report.facts_of(report.read(str(folder / "probe.json")))
-
-
-def wrong(found, dialect):
-    """Return which dimensions a report has otherwise than they are."""
-    rows = []
-    for name, described in DESCRIBED.items():
-        key = described.dimension
-        true = getattr(dialect, key) if key else None
-        if not key or name not in found or found[name].value is None:
-            continue
-        value = report.dialect_of(found)[key]
-        if key == "feed_period":
-            is_right = abs(value - max(true, dialect.shortest_feed_period)) < 0.002 + 0.1 * true
-        elif key == "frame_bytes":
-            is_right = abs(value - true) < 20 or true < value < 7000  # as long as its fields are
-        elif key == "unknown_frame_fields":
-            is_right = value == (true or "vendor_block" in found[name].value)  # what fills frames up is unknown, too
-        elif key == "missing_commands":
-            is_right = set(value) == set(true) & set(QUESTIONS)
-        else:
-            is_right = value == (sorted(true, key=DIMENSIONS[key].names.index) if isinstance(true, tuple) else true)
-        rows += [] if is_right else [(key, value, true)]
-    return rows
-
-
-@pytest.mark.parametrize("seed, firmware", [(1, "1.5.14"), (5, "1.7.1"), (38, "1.7.2")])
-def test_each_dimension_that_it_can_see_is_found_on_a_controller_it_knows_nothing_of(tmp_path, controller, seed,
-                                                                                     firmware):
-    arm = controller("--dialect-seed", str(seed), "--firmware", firmware)
-    done = probe(tmp_path / "out", arm.ports)
-    assert done.returncode == 0, done.stdout
-    found, dialect = facts_in(tmp_path / "out"), Dialect.from_seed(seed, firmware)
+@pytest.mark.parametrize("seed, firmware", [(1, "1.5.14"), (38, "1.7.2")])
+def test_each_dimension_that_it_can_see_is_found_and_nothing_is_moved_or_left_otherwise(tmp_path, controller, begun,
+                                                                                        seed, firmware):
+    arm = controller("--dialect-seed", str(seed), "--firmware", firmware, *begun)
+    dialect = Dialect.from_seed(seed, firmware)
+    before = values_of(arm, dialect.io_index_base)
+    done = probe(tmp_path / "out", arm.ports, "--stage", "move", "--output", "3")
+    assert done.returncode == 1 and "move: left out, standard input is no terminal" in done.stdout, done.stdout
+    assert values_of(arm, dialect.io_index_base) == before
+    found = facts_in(tmp_path / "out")
     settled = {DESCRIBED[name].dimension for name, fact in found.items() if fact.value is not None} - {""}
     busy_host = {"feed_period"} - settled
-    assert settled | busy_host == {row.dimension for row in DESCRIBED.values()} - {""}
+    seen = {row.dimension for row in DESCRIBED.values() if row.stage is not ProbeStage.MOVE} - {""}
+    assert settled | busy_host == seen
     assert not busy_host or "irregularly" in found["feed_period"].how
     assert not wrong(found, dialect)
+    assert found["user_ids"].value == list(range(2, 16)) and found["tool_ids"].value == [1, *range(3, 16)]
+    assert len(found["same_values"].value) == 4, found["same_values"].how
     assert report.firmware_of(found) == firmware
     assert wrong(dict(found, error_code=Fact("neither", "")), dialect), "a wrong fact must be noticed"
+    assert set(arm.sent()) == {*QUESTIONS, UNKNOWN_COMMAND, "malformed", *SETTINGS, *READ_BACK}
+    assert arm.is_at_rest_throughout()
+
+
+def test_ctrl_c_while_an_output_is_switched_is_taken_when_it_is_back(tmp_path, controller, begun):
+    arm = controller(*begun)
+    before = values_of(arm, 0)
+    running = subprocess.Popen(command(tmp_path / "out", arm.ports, "--stage", "set", "--output", "3"),
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    with RawClient(arm.ports["command_port"]) as client:
+        deadline = time.monotonic() + WAIT
+        while client.ask("get_digital_output", type=0, index=3)["value"] == 0:
+            assert time.monotonic() < deadline and running.poll() is None
+    running.send_signal(signal.SIGINT)
+    said, _ = running.communicate(timeout=WAIT)
+    assert running.returncode == 130 and "Traceback" not in said, said
+    assert values_of(arm, 0) == before and report.read(str(tmp_path / "out" / "probe.json"))["is_whole"] is False
+    assert facts_in(tmp_path / "out")["user_frame_key"].value == "either"
 
 
 def test_a_stage_sends_what_it_says_and_nothing_else(tmp_path, controller):
@@ -137,7 +106,7 @@ def test_a_stage_sends_what_it_says_and_nothing_else(tmp_path, controller):
 def test_a_twin_made_of_its_report_is_the_same_to_it(tmp_path, controller):
     first, twin = tmp_path / "first", tmp_path / "twin"
     assert probe(first, controller("--dialect-seed", "38", "--firmware", "1.7.2").ports).returncode == 0
-    like = controller("--dialect", str(first / "dialect.json"), "--firmware", "1.7.2")
+    like = controller("--like", str(first / "probe.json"))
     assert probe(twin, like.ports).returncode == 0
     compare = [*command_of("jaka_probe"), "diff", str(first / "probe.json")]
     same = subprocess.run([*compare, str(twin / "probe.json")], stdout=subprocess.PIPE, text=True, timeout=WAIT)
@@ -252,7 +221,9 @@ def test_a_report_that_is_none_is_refused(tmp_path, text):
 
 def test_wrong_usage_has_code_2(tmp_path):
     for words in (["10.0.0.1"], ["explain"], ["diff", "a"], ["10.0.0.1", "x", "--out", "y"],
-                  ["10.0.0.1", "--out", "y", "--seconds", "0"], ["10.0.0.1", "--out", "y", "--stage", "move"]):
+                  ["10.0.0.1", "--out", "y", "--seconds", "0"], ["10.0.0.1", "--out", "y", "--stage", "jump"],
+                  ["10.0.0.1", "--out", "y", "--output", "3"],
+                  ["10.0.0.1", "--out", "y", "--stage", "set", "--output", "0"]):
         done = subprocess.run([*command_of("jaka_probe"), *words], stderr=subprocess.PIPE, text=True, timeout=WAIT,
                               cwd=str(tmp_path))
         assert done.returncode == 2 and "usage: jaka_probe" in done.stderr
@@ -272,4 +243,4 @@ def test_a_period_is_told_of_a_regular_feed_alone(gaps, is_settled):
 
 def test_names_of_dimensions_and_fields_are_those_of_the_simulated_controller():
     assert {row.dimension for row in DESCRIBED.values()} - {""} <= set(DIMENSIONS)
-    assert set(DIMENSIONS["missing_frame_fields"].names) == OMITTED < KNOWN
+    assert OMITTED and OMITTED < KNOWN

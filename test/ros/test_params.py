@@ -36,6 +36,8 @@ WRONG = [
     ("servo_ahead", 0.0, "0.008 to 2 s"), ("link_loss_stop", -0.1, "0 to 10 s"), ("link_loss_stop", False, "0 to 10 s"),
     ("stream_ahead", 5, "whole number, 0 to 4"), ("stream_ahead", -1, "0 to 4"), ("stream_ahead", 1.0, "0 to 4"),
     ("stream_ahead", True, "0 to 4"), ("stream_ahead", "2", "0 to 4"),
+    ("controller_profile", "/no/such/probe.json", "path of a probe.json"),
+    ("controller_profile", 7, "path of a probe.json"),
     ("io_index_base", 2, "auto, 0, 1"), ("io_index_base", True, "auto, 0, 1"), ("io_index_base", "", "auto, 0, 1"),
     ("simulator", "two words", "identity"), ("simulator", 7, "identity"),
     ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),

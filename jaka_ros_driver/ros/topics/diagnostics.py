@@ -11,9 +11,12 @@ from diagnostic_updater import DiagnosticStatusWrapper, Updater
 
 from jaka_ros_driver.audit.log import AuditLog
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.procedures.power import missing_for_motion
+from jaka_ros_driver.client.core.procedures.session import io_index_base
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import endpoint
+from jaka_ros_driver.ros.controller_profile import knowledge
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics.diagnostic_states import NO_STATES, state_of
@@ -254,6 +257,18 @@ class Diagnostics:
         status.add("interface", self._config.interface)
         status.add("status period, ms", "unknown" if health.feed_period is None else "%g" % s_to_ms(health.feed_period))
         status.add("python", platform.python_version())
+        self._add_knowledge(status, health)
+
+    def _add_knowledge(self, status: DiagnosticStatusWrapper, health: LinkHealth) -> None:
+        """Report what the driver relies on of this controller, and what of it is known."""
+        config, profile = self._config, self._config.controller_profile
+        settings = config.client_settings()
+        for point, words in knowledge(profile, io_index_base(settings, health.version), config.is_io_base_set,
+                                      settings.link_loss_stop, health.feed_period):
+            status.add(point, words)
+        if profile is not None:
+            same = "" if profile.version == health.version else ", which is not this controller's"
+            status.add("controller profile", "%s, of version %s%s" % (profile.path, profile.version, same))
 
 
 def _flag(field: str, level: int, bad: str, good: str) -> StateTask:

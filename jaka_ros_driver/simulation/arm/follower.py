@@ -10,6 +10,8 @@ from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector
 
 _OVERSPEED = 1.05  # a joint that exceeds its speed limit by this factor means that the path runs into a singularity
+_FITTING = 1.5
+"""Reserve of a stop before the end of the route, for the time that its jerk takes."""
 
 
 class Follower:
@@ -22,7 +24,9 @@ class Follower:
         fault: Set where the arm cannot go on along the path; ``joints`` then are those before that place.
     """
 
-    def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool) -> None:
+    def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool,
+                 braking_share: float = 1.0) -> None:
+        self._braking_share = self._share = braking_share
         self.route = route
         self.joints = route.start_joints
         self.is_ending = False
@@ -56,7 +60,8 @@ class Follower:
 
         Returns False where it is another path or ends before the arm can stop.
         """
-        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0, 0.0), self._profile.jerk_time)
+        braking = self._braking_share * route.stopping_acceleration(self.way, 0.0, 0.0)
+        needed = stopping_way(self.speed, braking, self._profile.jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
             return False
@@ -72,11 +77,21 @@ class Follower:
         """Slow down along the path; return the parameter where the arm will come to rest."""
         self._is_braking = True
         self._aimed_at = (-1.0, -1.0, -1.0)
+        self._share = self._share_that_fits()
         profile = copy.copy(self._profile)
         while not profile.at_rest:
             self._slow_down(profile)
             profile.step(CYCLE_TIME_S)
         return profile.position
+
+    def _share_that_fits(self) -> float:
+        """Return the share of the strongest deceleration for this stop: more than usual where the end is near."""
+        if self._braking_share >= 1.0:
+            return 1.0
+        profile = self._profile
+        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time)
+        left = max(self.route.length - profile.position, 1e-9)
+        return min(1.0, max(self._braking_share, _FITTING * profile.velocity ** 2 / (2.0 * left * strongest)))
 
     def _slow_down(self, profile: Profile) -> None:
         """Have the profile brake as hard as the arm can at its place.
@@ -84,8 +99,8 @@ class Follower:
         One deceleration for the whole way, that of its weakest place, would leave the arm too fast for the bends on the
         way there.
         """
-        profile.slow_down(self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time),
-                          self.route.length)
+        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time)
+        profile.slow_down(self._share * strongest, self.route.length)
 
     def step(self, dt: float, rate: float) -> Vector:
         """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; return the joints, rad (6,).

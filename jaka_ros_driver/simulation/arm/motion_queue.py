@@ -32,6 +32,7 @@ class MotionQueue:
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
         start_delay: From the acceptance of a motion by an arm at rest to its beginning, s.
+        braking_share: Deceleration of stops and pauses, as a share of the strongest that the model allows.
         fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
             ``clear``.
     """
@@ -39,6 +40,7 @@ class MotionQueue:
     def __init__(self, frames: ArmFrames) -> None:
         self.jerk_limited = True
         self.start_delay = 0.0
+        self.braking_share = 1.0
         self._start_in = 0.0
         self.is_paused = False
         self.motion_line = 0
@@ -197,7 +199,8 @@ class MotionQueue:
             self._waiting.append(entry)
 
     def _start(self, entry: _Entry) -> None:
-        self._running = Follower(entry.route, self._frames.model.joint_max_speed, self.jerk_limited)
+        self._running = Follower(entry.route, self._frames.model.joint_max_speed, self.jerk_limited,
+                                 self.braking_share)
         self._running_jog = entry.jog
 
     def _end_running(self) -> None:

@@ -63,6 +63,7 @@ class Options:
         shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
         identity: Answer to ``get_simulator_identity``; no real controller knows that command.
         has_force_sensor: True with a force and torque sensor at the flange.
+        braking_share: Deceleration of stops, as a share of the strongest that the model allows.
     """
 
     dialect: Optional[Dialect] = None
@@ -70,6 +71,7 @@ class Options:
     shortest_feed_period: float = 0.0
     identity: str = ""
     has_force_sensor: bool = False
+    braking_share: float = 1.0
 
 
 class ControllerState:
@@ -104,6 +106,7 @@ class ControllerState:
         self.plant.servo_leave_delay = dialect.servo_leave_delay
         self.plant.max_waiting, self.plant.drops_points = dialect.servo_queue, dialect.stop_drops_frames
         self.plant.queue.start_delay = dialect.start_delay
+        self.plant.queue.braking_share = options.braking_share
         self.io = IoBanks(firmware)
         self.force_sensor = ForceSensor() if options.has_force_sensor else None
         self.alarms = alarms.Alarms()

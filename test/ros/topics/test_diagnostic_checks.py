@@ -11,6 +11,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.ros.controller_profile import ControllerProfile
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import diagnostics
 from jaka_ros_driver.ros.topics.diagnostic_states import NO_STATES, NOTHING, STATES, state_of
@@ -250,6 +251,19 @@ def test_versions(bench):
     bench.arm.link_health.version, bench.arm.link_health.feed_period = "", None
     values = bench.look("versions")[2]
     assert values["controller"] == "unknown" and values["status period, ms"] == "unknown"
+
+
+def test_what_of_the_controller_is_known_and_what_is_assumed(bench):
+    values = bench.look("versions")[2]
+    assert values["first terminal"] == "0, assumed, by its version" and "controller profile" not in values
+    assert "assumed" in values["loss of the link"] and values["period of the feed"] == "known: told by the controller"
+    profile = ControllerProfile("probe.json", "1.5", 1, stop_ends_jog=True)
+    bench.checks._config = DriverConfig(controller_profile=profile)
+    values = bench.look("versions")[2]
+    assert values["first terminal"] == "1, seen on this controller" and "seen" in values["stop of a jog"]
+    assert values["controller profile"] == "probe.json, of version 1.5"
+    bench.arm.link_health.version = "1.7"
+    assert "which is not this controller's" in bench.look("versions")[2]["controller profile"]
 
 
 def test_a_check_that_fails_says_so_and_no_more(bench):

@@ -1,0 +1,141 @@
+"""The report of a probe as one page: no script, nothing from elsewhere, every text escaped."""
+import html
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+
+from jaka_ros_driver.probe.facts import DESCRIBED, Facts
+from jaka_ros_driver.probe.report import differences, firmware_of, words
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #1a1a1a; }
+h1 { font-size: 1.5em; } h2 { font-size: 1.15em; margin-top: 2em; border-bottom: 1px solid #bbb; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: left; vertical-align: top; padding: .3em .8em .3em 0; border-bottom: 1px solid #ddd; }
+td { overflow-wrap: break-word; min-width: 5em; } .how { color: #555; font-size: .9em; }
+.warn { background: #fdecea; border-left: .3em solid #b3261e; padding: .6em 1em; }
+svg { max-width: 100%; height: auto; }
+"""
+_WIDTH, _HEIGHT, _MARGIN = 640, 240, 44
+_TITLES = {"move": "Joint 6 in a move of 2 deg, from its first motion on",
+           "stop": "Joint 6 in a move that is stopped; 0 s is when stop_program was sent"}
+
+
+class Statement(NamedTuple):
+    """One statement of docs/controller-protocol.md that a fact confirms or contradicts.
+
+    Attributes:
+        says: The statement.
+        section: Where it stands.
+        is_so: Takes the settled value; returns whether it agrees.
+    """
+
+    says: str
+    section: str
+    is_so: Callable[[Any], bool]
+
+
+STATEMENTS: Dict[str, Statement] = {
+    "error_code": Statement("`errorCode` is a text", "4.3", lambda value: value == "text"),
+    "unknown_command": Statement("a command that nobody knows is answered with code 1", "4.3",
+                                 lambda value: str(value).startswith("code 1")),
+    "drag_command": Statement("`torque_control_enable` switches hand guiding", "14",
+                              lambda value: value == "torque_control_enable"),
+    "user_frame_key": Statement("the key of a user frame is `userffset`", "14",
+                                lambda value: value in ("userffset", "either")),
+    "sensitivity_key": Statement("`get_clsn_sensitivity` answers `sensitivityLevel`", "14",
+                                 lambda value: value in ("sensitivityLevel", "both")),
+    "model": Statement("a model of the line has the arm's kinematics", "4.2", bool),
+    "stop_ends_move": Statement("`stop_program` ends a running motion", "5.4.4", bool),
+    "starvation": Statement("the arm holds the last target of a servo stream that starves", "5.6.5",
+                            lambda value: value == "hold"),
+    "servo_leave_delay": Statement("servo mode lasts for a cycle or more after it was left", "5.6.1",
+                                   lambda value: value >= 0.004),
+}
+"""Statements of documents on some facts; where documents contradict each other, there is no entry."""
+
+
+def contradicted(facts: Facts) -> List[Tuple[str, Statement]]:
+    """Return the statements that settled facts contradict, by the names of these facts."""
+    return [(name, statement) for name, statement in STATEMENTS.items()
+            if name in facts and facts[name].value is not None and not statement.is_so(facts[name].value)]
+
+
+def page(content: Mapping[str, Any], facts: Facts) -> str:
+    """Return the page of a probe.json's content, whose facts these are."""
+    return "\n".join([
+        "<!DOCTYPE html>", '<html lang="en"><head><meta charset="utf-8">',
+        '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; style-src \'unsafe-inline\'">',
+        '<meta name="viewport" content="width=device-width">', "<title>jaka_probe</title>",
+        "<style>%s</style></head><body>" % _STYLE, *_body(content, facts), "</body></html>", ""])
+
+
+def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
+    yield "<h1>What this controller was found to do</h1>"
+    yield "<p>%s; stages: %s%s.</p>" % (_text(content["made_by"]), _text(words(content["stages"])),
+                                       "" if content["is_whole"] else "; <b>it was ended before its time, or a "
+                                       "stage could not run</b>")
+    if content["not_set_back"]:
+        yield '<h2>Not set back</h2><ul class="warn">%s</ul>' % "".join(
+            "<li>%s</li>" % _text(line) for line in content["not_set_back"])
+    settled = [name for name in DESCRIBED if name in facts and facts[name].value is not None]
+    wrong = contradicted(facts)
+    yield "<h2>Contradicts the documents</h2>"
+    yield _table(("the documents say", "found", ""), [
+        ("%s (section %s)" % (statement.says, statement.section), _value(facts, name), facts[name].how)
+        for name, statement in wrong]) if wrong else "<p>Nothing that was looked for.</p>"
+    firmware = firmware_of(facts)
+    if firmware:
+        rows = differences(facts, firmware)
+        yield "<h2>Otherwise than the simulated controller of firmware %s</h2>" % _text(firmware)
+        yield "<ul>%s</ul>" % "".join("<li>%s</li>" % _text(row.strip()) for row in rows) if rows else (
+            "<p>Nothing that was looked for.</p>")
+    for name, points in content["curves"].items():
+        yield "<h2>%s</h2>%s" % (_text(_TITLES.get(name, name)), curve(points))
+    yield "<h2>Settled</h2>"
+    yield _table(("what", "found", "how"), [
+        (DESCRIBED[name].meaning, _value(facts, name), "; ".join(filter(None, [facts[name].how, facts[name].spread])))
+        for name in settled])
+    yield "<h2>Not settled</h2>"
+    yield _table(("what", "why"), [(DESCRIBED[name].meaning, facts[name].how)
+                                   for name in DESCRIBED if name in facts and name not in settled])
+
+
+def _value(facts: Facts, name: str) -> str:
+    return " ".join(filter(None, [words(facts[name].value), DESCRIBED[name].unit]))
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    cells = ["<tr>%s</tr>" % "".join("<th>%s</th>" % _text(cell) for cell in head)]
+    for row in rows:
+        cells.append("<tr>%s</tr>" % "".join('<td%s>%s</td>' % (' class="how"' if place == 2 else "", _text(cell))
+                                             for place, cell in enumerate(row)))
+    return "<table>%s</table>" % "".join(cells)
+
+
+def curve(points: Sequence[Sequence[float]]) -> str:
+    """Return a drawing of points (s, deg); "" where there are fewer than two."""
+    if len(points) < 2:
+        return ""
+    times, places = [float(at) for at, _ in points], [float(place) for _, place in points]
+    first, last, low, high = min(times), max(times), min(places), max(places)
+
+    def across(at: float) -> float:
+        return _MARGIN + (at - first) / ((last - first) or 1.0) * (_WIDTH - 2 * _MARGIN)
+
+    def down(place: float) -> float:
+        return _HEIGHT - _MARGIN - (place - low) / ((high - low) or 1.0) * (_HEIGHT - 2 * _MARGIN)
+    drawn = ['<svg viewBox="0 0 %d %d" width="%d" role="img" aria-label="%d points from %.2f to %.2f deg">' % (
+        _WIDTH, _HEIGHT, _WIDTH, len(points), low, high)]
+    for at in (first, 0.0, last):
+        x, bottom = across(at), _HEIGHT - _MARGIN
+        drawn.append('<line x1="%.1f" x2="%.1f" y1="%d" y2="%d" stroke="#ccc"/>' % (x, x, _MARGIN, bottom))
+        drawn.append('<text x="%.1f" y="%d" font-size="12" text-anchor="middle">%.2f s</text>' % (x, bottom + 18, at))
+    for place in (low, high):
+        drawn.append('<text x="%d" y="%.1f" font-size="12" text-anchor="end">%.2f&deg;</text>' % (
+            _MARGIN - 4, down(place) + 4, place))
+    drawn.append('<polyline fill="none" stroke="#0b57d0" stroke-width="1.5" points="%s"/>' % " ".join(
+        "%.1f,%.1f" % (across(at), down(place)) for at, place in zip(times, places)))
+    return "".join([*drawn, "</svg>"])
+
+
+def _text(value: Any) -> str:
+    return html.escape(str(value))

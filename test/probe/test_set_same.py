@@ -1,0 +1,137 @@
+"""The stage set beside controllers that do not do as they are told: what it leaves, and what it says of that."""
+import contextlib
+from types import SimpleNamespace
+
+import pytest
+
+from jaka_ros_driver.probe import report
+from jaka_ros_driver.probe.ask import TimedReply
+from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, set_same
+from jaka_ros_driver.state import RobotState
+
+
+class OddController(Desk):
+    """A controller in memory, with the deviations that a test gives it.
+
+    Args:
+        keys: The keys of ``set_user_offsets`` that it reads.
+        get_base: The index of its first output in ``get_digital_output``.
+        set_base: The same in ``set_digital_output``.
+    """
+
+    def __init__(self, keys=("userffset", "useroffset"), get_base=0, set_base=0):
+        super().__init__(None, 0, SimpleNamespace(states=[RobotState((0.0,) * 6, *([True] * 3), False, False, tool_id=0,
+                                                                     user_frame_id=1, is_hand_guided=False)]))
+        self.keys, self.get_base, self.set_base = keys, get_base, set_base
+        self.tools, self.users = ([[0.0] * 6 for _ in range(4)] for _ in range(2))
+        self.users[1][0] = 200.0
+        self.terminals = [0, 1, 1, 0, 0]
+        self.payload = {"mass": 1.23456789, "centroid": [0.0, 10.0, 40.0]}
+        self.is_sticky = self.is_wild = False
+        self.ended_at = ""
+        self.sent = []
+
+    def ask(self, name, patience=0.0, **parameters):
+        self.sent.append((name, parameters))
+        try:
+            reply = self._reply(name, parameters)
+        except (KeyError, IndexError):
+            return TimedReply({"cmdName": name, "errorCode": "2"}, 0.01)
+        return TimedReply({"cmdName": name, "errorCode": "0", **(reply or {})}, 0.01)
+
+    def _reply(self, name, given):
+        if name == "get_payload":
+            return dict(self.payload)
+        if name == "set_payload":
+            self.payload = {"mass": round(given["mass"], 0 if self.is_sticky else 6), "centroid": given["centroid"]}
+        if name == "get_clsn_sensitivity":
+            return {"sensitivityLevel": 3}
+        if name in ("get_curr_tool_id", "get_curr_user_id"):
+            return {"id": 0 if "tool" in name else 1}
+        if name in ("get_tool_offsets", "get_user_offsets"):
+            kind, table = name.split("_")[1], self.tools if "tool" in name else self.users
+            return {kind + "_offsets": [list(row) for row in table]}
+        if name == "set_tool_offsets":
+            self.tools[0 if self.is_wild else given["id"]] = [1.0] * 6 if self.is_wild else list(given["tooloffset"])
+        if name == "set_user_offsets":
+            self.users[given["id"]] = list(given[next(key for key in (*self.keys, "") if key in given or not key)])
+        if name == "get_drag_status":
+            return {"status": False}
+        if name == "get_digital_output":
+            return {"value": self.terminals[given["index"] - self.get_base]}
+        if name == "set_digital_output":
+            self.terminals[given["index"] - self.set_base] = given["value"]
+        return None
+
+    def outputs(self, seconds):
+        return tuple(self.terminals)
+
+    def require_rest(self):
+        if self.ended_at and self.sent and self.sent[-1][0] == self.ended_at:
+            raise StageEnded("the arm moves")
+
+
+def run(desk, output=None, answer=""):
+    facts, back = {}, SetBack()
+    before = ([list(row) for row in desk.users], list(desk.terminals))
+    with contextlib.suppress(StageEnded):
+        set_same(desk, facts, back, output, lambda question: answer, lambda line: None)
+    return facts, back.left, (desk.users, desk.terminals) == before
+
+
+@pytest.mark.parametrize("keys, told", [(("userffset", "useroffset"), "either"), (("userffset",), "userffset"),
+                                        (("useroffset",), "useroffset"), ((), None)])
+def test_the_key_that_is_read_is_found_on_a_frame_that_is_zero_again(keys, told):
+    desk = OddController(keys)
+    facts, left, is_same = run(desk)
+    assert facts["user_frame_key"].value == told and is_same and not left
+    written = [given["id"] for name, given in desk.sent if name == "set_user_offsets"]
+    assert 1 not in written and 0 not in written, "the active frame and the base stay"
+    assert "set_digital_output" not in [name for name, _ in desk.sent]
+
+
+@pytest.mark.parametrize("get_base, set_base", [(0, 0), (1, 1), (0, 1), (1, 0)])
+@pytest.mark.parametrize("terminals", [[0, 0, 0, 0, 0], [1, 1, 1, 1, 1], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0]])
+def test_the_base_is_that_of_the_command_that_sets_however_values_are_read(get_base, set_base, terminals):
+    desk = OddController(get_base=get_base, set_base=set_base)
+    desk.terminals = list(terminals)
+    facts, left, is_same = run(desk, output=3)
+    assert is_same and not left, desk.terminals
+    touched = {given["index"] - set_base for name, given in desk.sent if name == "set_digital_output"}
+    assert touched == {3 - set_base}
+    assert facts["io_index_base"].value in (set_base, None)
+    assert facts["io_index_base"].value is not None or get_base != set_base
+    assert facts["io_terminal"].value is None
+
+
+@pytest.mark.parametrize("answer, base, terminal", [("3", 1, 3), ("2", 1, 2), ("7", None, 7), ("", 1, None),
+                                                    ("the third", 1, None)])
+def test_a_person_who_sees_another_terminal_leaves_the_base_open(answer, base, terminal):
+    facts, _, is_same = run(OddController(get_base=1, set_base=1), 3, answer)
+    assert (facts["io_index_base"].value, facts["io_terminal"].value) == (base, terminal) and is_same
+
+
+def test_what_could_not_be_set_back_is_told_first():
+    desk = OddController()
+    desk.is_sticky = True
+    facts, left, _ = run(desk)
+    assert len(left) == 1 and left[0].startswith("set_payload: was {'mass': 1.23456789") and "'mass': 1.0" in left[0]
+    assert "set_payload" not in facts["same_values"].value
+    assert report.text(facts, left)[0] == "NOT SET BACK"
+    assert report.as_json(facts, [], False, left)["not_set_back"] == left
+
+
+def test_nothing_more_is_written_to_a_table_that_one_id_changed_elsewhere():
+    desk = OddController()
+    desk.is_wild = True
+    facts, left, _ = run(desk)
+    assert [given["id"] for name, given in desk.sent if name == "set_tool_offsets"] == [1, 1]
+    assert facts["tool_ids"].value is None and left[0].startswith("tool frames, after id 1")
+
+
+def test_an_arm_that_moves_ends_the_stage():
+    desk = OddController()
+    desk.ended_at = "get_clsn_sensitivity"
+    facts, left, is_same = run(desk)
+    assert is_same and not left and set(facts) == {"same_values"}
+    assert not {name for name, _ in desk.sent} & (set(SETTINGS) - {"set_payload", "set_clsn_sensitivity"})

@@ -1,0 +1,122 @@
+"""The stage move of jaka_probe on unknown arms: is it right, and does the arm rest however and whenever it is ended?
+
+    build/venv/bin/python3 test/soak/soak_probe_move.py [KILLS [DIALECTS [FIRST [AT_ONCE]]]]        20, 10, 0 and 4
+
+KILLS runs are ended at a random moment of a random step: killed, frozen for good, by SIGTERM or by Ctrl-C. DIALECTS
+runs go to their end, and what they found is compared. Each run is a drawn dialect of the simulated controller and takes
+one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, and a
+tally; exit code 1 where an arm did not rest or left its room, something is wrong and not just open, or less than 98 %
+is right.
+"""
+import collections
+import concurrent.futures
+import math
+import random
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
+
+from probe_bench import Controller, ProbeOnTerminal, command, facts_in, wrong  # noqa: E402
+from wire_verdict import WireVerdict  # noqa: E402
+
+from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage  # noqa: E402
+from jaka_ros_driver.probe.motion import ROOM_RAD  # noqa: E402
+from jaka_ros_driver.probe.move import STEPS  # noqa: E402
+from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
+from jaka_ros_driver.simulation.dialect.table import Dialect  # noqa: E402
+
+LEAST = 0.98
+STOPPED_WITHIN_S = 4.0
+WATCHED_S = 6.0
+ENDINGS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT)
+
+
+def start(folder, seed):
+    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
+    arm = Controller(folder, "--dialect-seed", str(seed), "--firmware", firmware)
+    return arm, Dialect.from_seed(seed, firmware)
+
+
+def complaints(arm, ended):
+    """Return what the arm's own log has against a run."""
+    verdict = WireVerdict(arm.log)
+    path = verdict.joints()
+    start_joints = path[0][1]
+    furthest = max(abs(a - b) for _, joints in path for a, b in zip(joints, start_joints))
+    found = [] if furthest <= ROOM_RAD else ["a joint went %.2f deg" % math.degrees(furthest)]
+    rest = verdict.rest_after(ended - 60.0)
+    if rest > ended + STOPPED_WITHIN_S:
+        found.append("moved until %.1f s after the end" % (rest - ended))
+    return found
+
+
+def killed(folder, seed):
+    """Run with an end at a random moment; return what is wrong."""
+    chance = random.Random(seed)
+    number, step, moment = chance.choice(ENDINGS), chance.randrange(1, len(STEPS) + 1), chance.uniform(0.0, 4.0)
+    arm, dialect = start(folder, seed)
+    terminal = ProbeOnTerminal(command(folder / ("killed-%d" % seed), arm.ports, "--stage", "move"))
+    try:
+        terminal.wait_for("step %d of" % step)
+    except AssertionError as error:  # the program has ended before
+        terminal.end()
+        arm.close()
+        return ["dialect %d ended before step %d: %s" % (seed, step, str(error)[-300:])]
+    time.sleep(moment + chance.choice((0.0, dialect.start_delay)))
+    terminal.process.send_signal(number)
+    ended = time.monotonic()
+    time.sleep(WATCHED_S)
+    terminal.process.kill()
+    terminal.end()
+    arm.close()
+    return ["dialect %d, %s in step %d after %.2f s: %s" % (seed, number.name, step, moment, why)
+            for why in complaints(arm, ended)]
+
+
+def whole(folder, seed):
+    """Run to the end; return what is wrong, and a tally."""
+    arm, dialect = start(folder, seed)
+    out = folder / ("whole-%d" % seed)
+    terminal = ProbeOnTerminal(command(out, arm.ports, "--stage", "move"))
+    code = terminal.end()
+    ended = time.monotonic()
+    arm.close()
+    found = facts_in(out)
+    seen = [name for name, row in DESCRIBED.items() if row.dimension and row.stage is ProbeStage.MOVE]
+    mistakes = wrong({name: found[name] for name in seen if name in found}, dialect)
+    open_ones = ["%s (%s)" % (name, found[name].how if name in found else "never") for name in seen
+                 if name not in found or found[name].value is None]
+    lines = ["dialect %d, exit code %d: wrong %s, not settled %s" % (seed, code, mistakes, open_ones)
+             ] if mistakes or open_ones or code else []
+    tally = {"wrong": len(mistakes), "open": len(open_ones), "right": len(seen) - len(mistakes) - len(open_ones)}
+    return lines, tally, ["dialect %d: %s" % (seed, why) for why in complaints(arm, ended)]
+
+
+def main():
+    words = [int(word) for word in sys.argv[1:]]
+    kills, dialects, first, at_once = [*words, *(20, 10, 0, 4)[len(words):]]
+    tally, bad = collections.Counter(), []
+    with tempfile.TemporaryDirectory() as name, concurrent.futures.ThreadPoolExecutor(at_once) as pool:
+        ends = [pool.submit(killed, Path(name), first + seed) for seed in range(kills)]
+        wholes = [pool.submit(whole, Path(name), first + seed) for seed in range(dialects)]
+        for run in ends:
+            bad += run.result()
+            print("\n".join(run.result()) or "at rest", flush=True)
+        for run in wholes:
+            lines, counts, why = run.result()
+            tally.update(counts)
+            bad += why
+            print("\n".join(lines + why) or "right", flush=True)
+    share = tally["right"] / max(1, sum(tally.values()))
+    print("%d ended, %d whole: %d did not rest in their room; %d right (%.1f %%), %d not settled, %d wrong" % (
+        kills, dialects, len(bad), tally["right"], 100.0 * share, tally["open"], tally["wrong"]))
+    return 1 if bad or tally["wrong"] or (dialects and share < LEAST) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

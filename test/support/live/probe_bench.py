@@ -1,0 +1,164 @@
+"""The program jaka_probe beside simulated controllers that it knows nothing of, also on a terminal with a person."""
+import json
+import os
+import pty
+import re
+import subprocess
+import threading
+import time
+
+from program_places import command_of
+
+from jaka_ros_driver.probe import report
+from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS
+from jaka_ros_driver.probe.facts import DESCRIBED
+from jaka_ros_driver.probe.set_same import DRAG_COMMAND
+from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
+from jaka_ros_driver.wire.log import TrueJoints, read_log
+
+WAIT = 120.0
+LONG_WAIT = 900.0
+
+
+class Controller:
+    """The executable jaka_sim on free ports, with a log of all that it is sent."""
+
+    def __init__(self, folder, *arguments):
+        self.log = folder / ("sent-%d.mcap" % time.monotonic_ns())
+        self.process = subprocess.Popen(
+            [*command_of("jaka_sim"), "--command-port", "0", "--status-port", "0", "--poll-port", "0", "--start",
+             "enabled", "--log", str(self.log), *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.ports = json.loads(self.process.stdout.readline())
+
+    def close(self):
+        self.process.terminate()
+        self.process.communicate(timeout=WAIT)
+
+    def sent(self):
+        """Return the names of the commands that it was sent, and the pieces that hold none."""
+        self.close()
+        names, stream = [], ObjectStream()
+        for event in read_log(str(self.log)):
+            if getattr(event, "port", "") == "command" and event.what == "in":
+                if event.data == MALFORMED:
+                    names.append("malformed")
+                    continue
+                names += [item["cmdName"] for item in stream.feed(event.data)]
+        return names
+
+    def is_at_rest_throughout(self):
+        """Return whether the joints never moved, by the log of the arm itself."""
+        return len({event.joint_position for event in read_log(str(self.log)) if isinstance(event, TrueJoints)}) == 1
+
+    def status_bytes(self):
+        return sum(len(event.data) for event in read_log(str(self.log))
+                   if getattr(event, "port", "") in ("status", "poll") and event.what == "in")
+
+
+def command(folder, ports, *arguments, address="127.0.0.1"):
+    return [*command_of("jaka_probe"), address, "--out", str(folder), "--seconds", "1.5",
+            *(word for name in ("command", "status", "poll")
+              for word in ("--%s-port" % name, str(ports[name + "_port"]))), *arguments]
+
+
+def probe(folder, ports, *arguments):
+    done = subprocess.run(command(folder, ports, *arguments), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, timeout=WAIT)
+    assert "Traceback" not in done.stdout, done.stdout
+    return done
+
+
+def facts_in(folder):
+    return report.facts_of(report.read(str(folder / "probe.json")))
+
+
+_NEAR = {"start_delay": 0.3, "servo_leave_delay": 0.03}
+"""Tolerances of times, s: the period of the feed, the arm's first motion, a busy host."""
+
+
+def wrong(found, dialect):
+    """Return which dimensions a report has otherwise than they are."""
+    rows = []
+    for name, described in DESCRIBED.items():
+        key = described.dimension
+        true = getattr(dialect, key) if key else None
+        if not key or name not in found or found[name].value is None:
+            continue
+        value = report.dialect_of(found)[key]
+        if key == "feed_period":
+            is_right = abs(value - max(true, dialect.shortest_feed_period)) < 0.002 + 0.1 * true
+        elif key == "frame_bytes":
+            is_right = abs(value - true) < 20 or true < value < 7000  # as long as its fields are
+        elif key == "unknown_frame_fields":
+            is_right = value == (true or "vendor_block" in found[name].value)  # what fills frames up is unknown, too
+        elif key in _NEAR:
+            is_right = abs(value - true) <= _NEAR[key]
+        elif key == "missing_commands":
+            sent = {*QUESTIONS, *([DRAG_COMMAND] if "drag_command" in found else [])}
+            is_right = set(value) == set(true) & sent
+        else:
+            is_right = value == (sorted(true, key=DIMENSIONS[key].names.index) if isinstance(true, tuple) else true)
+        rows += [] if is_right else [(key, value, true)]
+    return rows
+
+
+class ProbeOnTerminal:
+    """The program on a pseudo-terminal; questions are answered as soon as they are asked.
+
+    Args:
+        command: Its words.
+        confirm: Takes the number of steps that were confirmed already; returns the answer to the next one.
+        name: Takes the arm's name as it was told; returns what is typed.
+    """
+
+    def __init__(self, command, confirm=lambda done: "y", name=lambda told: told):
+        self._confirm, self._name = confirm, name
+        self.text, self.confirmed, self._has_ended = "", 0, False
+        self._news = threading.Condition()
+        self._terminal, theirs = pty.openpty()
+        self.process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        os.close(theirs)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        answered = 0
+        while True:
+            data = os.read(self.process.stdout.fileno(), 65536)
+            with self._news:
+                self.text += data.decode("utf-8", "replace")
+                self._has_ended = not data
+                self._news.notify_all()
+            if not data:
+                return
+            if self.text.endswith("type it to go on: "):
+                told = re.findall(r"Its name is (.+?); type it", self.text)[-1]
+                self._type(self._name(told))
+            elif self.text.endswith("y begins this step: ") and len(self.text) > answered:
+                answered = len(self.text)
+                answer = self._confirm(self.confirmed)
+                self.confirmed += answer == "y"
+                self._type(answer)
+            elif self.text.endswith("where you did not see it) "):
+                self._type("")
+
+    def _type(self, line):
+        os.write(self._terminal, line.encode() + b"\n")
+
+    def wait_for(self, text):
+        """Wait until it has printed this."""
+        with self._news:
+            self._news.wait_for(lambda: text in self.text or self._has_ended, LONG_WAIT)
+        assert text in self.text, self.text
+
+    def end(self):
+        """Wait until it has ended; return its exit code."""
+        try:
+            return self.process.wait(LONG_WAIT)
+        finally:
+            self.process.kill()
+            self._reader.join()
+            self.process.stdout.close()
+            os.close(self._terminal)
