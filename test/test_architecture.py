@@ -120,9 +120,10 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "authority": set(),
         "record": set(),
         "plans": {"jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
-        "graph": {"authority", "record", "plans", "jaka_regression", "jaka_regression.programs"} | {
+        "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
-        "pages": {"", "settings", "authority", "record", "plans", "graph"},
+        "teach": set(),
+        "pages": {"", "settings", "authority", "record", "teach", "plans", "graph"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {

@@ -7,6 +7,7 @@ settings   what a user can set
 authority  who may move the arm, and while which heartbeats: pure, fed with events and the time
 record     what is kept to be shown: curves of the joints, alarms; pure
 graph      the drivers on the ROS graph: topics, services, descriptions
+teach      frames and tools from poses: pure, numpy
 plans      motions that are drawn before they are run: points, logs
 pages      HTTP, WebSockets, what each page receives and may ask for
 
