@@ -122,8 +122,9 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "plans": {"jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
         "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
+        "cell": {"jaka_ros_driver.audit"},
         "teach": set(),
-        "pages": {"", "settings", "authority", "record", "teach", "plans", "graph"},
+        "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {

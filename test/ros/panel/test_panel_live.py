@@ -11,6 +11,17 @@ from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
 from waiting import WAIT, eventually
 
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import (
+    IDENTITY,
+    compose,
+    distance_between,
+    matrix_from_rotation_vector,
+    rotation_angle_between,
+    transform,
+)
+
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
 SCRIPT = "<script>alert(1)</script>"
 
@@ -186,6 +197,13 @@ def test_each_setting_does_what_it_says(page, live, arm):
     assert flange[2] == pytest.approx(live.simulator.state()["tcp_pose"][2], abs=0.5)
     ok("user_frame", number=1, p=[0.1, 0.0, 0.0], r=[0.0, 0.0, 0.5])
     state(page, arm, lambda s: s["tool"]["frame"].endswith("user_frame_1") and s["tool_id"] == 2 and s["user_id"] == 1)
+    pose = ok("present_pose")
+    base_t_flange = forward(load_model("zu7"), HOME)
+    tip = compose(base_t_flange, transform(IDENTITY[:9], [0.0, 0.0, 0.1]))
+    for shown, expected in ((pose["flange"], base_t_flange), (pose["tool"], tip)):
+        there = transform(matrix_from_rotation_vector(shown["r"]), shown["p"])
+        assert distance_between(there, expected) < 2e-4 and rotation_angle_between(there, expected) < 1e-3, pose
+    assert pose["q"] == pytest.approx(HOME, abs=1e-3) and (pose["tool_number"], pose["user_number"]) == (2, 1)
     ok("payload", tool=2, mass=0.5, centre=[0.0, 0.0, 0.05])
     ok("user_frame", number=1, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
     ok("tool_frame", number=2, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
