@@ -119,7 +119,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "settings": set(),
         "authority": set(),
         "record": set(),
-        "plans": {"jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
+        "plans": {"teach", "jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
         "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
         "cell": {"jaka_ros_driver.audit"},

@@ -73,3 +73,35 @@ def test_points_of_the_browser_are_offered_once_and_changes_of_others_are_shown(
     page.click("#tab-move")
     page.until_text("#panel-move .points", "of another page")
     page.until_text("#panel-move .points", "old")
+
+
+def test_a_list_of_motions_is_made_drawn_kept_and_run(panel, open_page):
+    panel.arms[0]["has"]["path"] = True
+    panel.cell = {"points": {ARM: {"a": {"q": HOME}, "b <i>": {"q": HOME}}}}
+    panel.answers["plan_list"] = lambda arguments: {"data": {
+        "plan": "k7", "duration": 3.0, "start": HOME, "end": HOME, "path": [HOME, HOME], "t": [0.0, 3.0],
+        "warnings": []}}
+    page = open_page(control=True)
+    page.click("#tab-run")
+    add = "#list-run .buttons > button[data-t='list.add']"
+    page.click(add)
+    page.click("#list-run [data-name=arc]")
+    page.evaluate("document.querySelector('#list-point').value = 'b <i>'")
+    page.click(add)
+    page.click("#list-run [data-name=wait]")
+    page.click(add)
+    page.until_text("#list-steps", "b <i>")
+    page.click("#list-steps li:last-child [data-t-label='list.up']")
+    page.click("#list-run .needs-control")
+    until(lambda: panel.sent("plan_list"), "it is planned")
+    steps = panel.sent("plan_list")[0]["args"]["steps"]
+    assert [step["kind"] for step in steps] == ["joint", "wait", "arc"]
+    assert steps[2] == {"kind": "arc", "point": "b <i>", "via": "a", "speed": 0.05}
+    page.until_text("#panel-run .said", "3.0 s")
+    page.click("#list-name")
+    page.call("Input.insertText", text="pick")
+    page.click("#list-name + button")
+    until(lambda: panel.cell.get("lists") == {ARM: {"pick": {"steps": steps}}}, "it is kept")
+    page.click("#panel-run .go")
+    until(lambda: panel.sent("plan_run"), "it is run by its number")
+    assert panel.sent("plan_run")[0]["args"] == {"plan": "k7"}

@@ -38,7 +38,8 @@ def panel(live, tmp_path_factory):
     logs = tmp_path_factory.mktemp("logs")
     (logs / "no log.txt").write_text("x")
     (logs / (SCRIPT.replace("/", "") + ".bag")).write_text("x")
-    with PanelProcess("--logs", str(logs), "--simulator-panel", str(live.simulator.ports["panel_port"])) as panel:
+    with PanelProcess("--logs", str(logs), "--simulator-panel", str(live.simulator.ports["panel_port"]),
+                      "--cell-data", str(logs / "cell" / "cell.json")) as panel:
         panel.logs = logs
         yield panel
 
@@ -260,6 +261,41 @@ def test_a_trajectory_is_drawn_before_it_is_run_and_begins_where_the_arm_is(page
     at_1_s = {"t": 1.0, "q": HOME}
     for wrong in ([], [{"t": 1.0, "q": [99.0] * 6}], [at_1_s, at_1_s], [{"t": 0.0, "q": HOME}], [5], "x"):
         assert not page.command("plan_points", arm, points=wrong)["ok"]
+
+
+def test_a_list_of_motions_is_drawn_run_and_ended_by_whoever_stops_the_arm(page, live, arm):
+    pose = page.command("fk", arm, q=STAGE)["data"]
+
+    def beside(x, z):
+        p = [pose["p"][0] + x, pose["p"][1], pose["p"][2] + z]
+        return page.command("ik", arm, p=p, r=pose["r"], near=STAGE)["data"]["q"]
+    points = {"stage": STAGE, "up": beside(0.0, 0.04), "via": beside(0.02, 0.06), "end": beside(0.04, 0.04)}
+    page.send(t="cell")
+    revision = page.wait("cell")["revision"]
+    assert page.command("cell_change", None, revision=revision, changes=[
+        {"section": "points", "arm": arm, "name": name, "entry": {"q": q}} for name, q in points.items()])["ok"]
+    output = {"kind": "output", "signal": "digital", "bank": "cabinet", "index": 5, "value": True}
+    go_home(live)
+    assert there(live, HOME)
+    plan = page.command("plan_list", arm, steps=[
+        {"kind": "joint", "point": "stage", "speed": 1.0}, {"kind": "line", "point": "up", "speed": 0.1}, output,
+        {"kind": "wait", "s": 0.1}, {"kind": "arc", "via": "via", "point": "end", "speed": 0.1}])["data"]
+    assert plan["path"][0] == pytest.approx(HOME, abs=1e-3) and plan["end"] == pytest.approx(points["end"], abs=1e-3)
+    assert runs(page, live, arm, plan), "it arrives"
+    page.wait("io", lambda m: m["banks"]["cabinet"]["do"][5])
+    away = page.command("plan_run", arm, plan=plan["plan"])
+    assert not away["ok"] and "step 1" in away["message"] and "move there first" in away["message"]
+    plan = page.command("plan_list", arm, steps=[
+        {"kind": "line", "point": "up", "speed": 0.1}, {**output, "index": 6}, {"kind": "wait", "s": 60.0},
+        {"kind": "joint", "point": "stage", "speed": 1.0}])["data"]
+    answer = page.begin_command("plan_run", arm, plan=plan["plan"])
+    page.wait("io", lambda m: m["banks"]["cabinet"]["do"][6])
+    live.arm.call("stop_move")
+    ended = answer()
+    assert not ended["ok"] and "step 3" in ended["message"] and "stopped" in ended["message"]
+    assert there(live, points["up"]), "nothing goes on by itself"
+    for wrong in ([], "x", [{"kind": "line", "point": "nowhere", "speed": 0.1}], [{"kind": "jump"}]):
+        assert not page.command("plan_list", arm, steps=wrong)["ok"]
 
 
 def test_logs_are_those_of_the_folder_and_a_name_leads_nowhere_else(page, panel, arm):

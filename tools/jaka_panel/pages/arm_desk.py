@@ -3,7 +3,7 @@ import threading
 from typing import Any, Dict, List, Optional, Set
 
 from ..authority.jog_hold import JogSpeedLimits, Place
-from ..graph import description
+from ..graph import description, motion_lists
 from ..graph.arm_feed import STALE_S, ArmFeed
 from ..graph.arms import Driver
 from ..graph.jog_publishers import JogPublishers
@@ -110,7 +110,8 @@ class ArmDesk:
                 ("base", "base_link"), ("flange", "tool0"), ("tool", "tool"))},
             "has": {"programs": driver.offers("program/play"), "speed": driver.offers("set_speed_slider"),
                     "recover": driver.offers("recover"), "wrench": driver.publishes("wrench"),
-                    "trajectory": driver.action is not None, "zero_force": driver.offers("zero_ftsensor")},
+                    "trajectory": driver.action is not None, "zero_force": driver.offers("zero_ftsensor"),
+                    "path": motion_lists.is_offered(driver)},
             "simulator": self.has_simulator and self.feed.simulated is True, "jog": driver.jog_limits,
             "description": None if about is None else about.fingerprint,
             "zones": self.feed.zones if driver.offers("set_workspace") else None}

@@ -90,6 +90,10 @@ class CellDesk:
                                      "data": cell.data})
         return self._told
 
+    def entries(self, section: str, arm: str) -> Dict[str, Dict[str, Any]]:
+        """Return the entries of an arm by name."""
+        return dict(self._cell.data.get(section, {}).get(arm, {}))
+
     def forget(self, page: str) -> None:
         """Drop what a page has uploaded and not imported."""
         self._uploads.pop(page, None)

@@ -4,10 +4,11 @@ import threading
 import time
 from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
 
-from ..cell.contents import WrongCell
-from ..graph import trajectories
+from ..cell.contents import SECTIONS, WrongCell
+from ..graph import motion_lists, trajectories
 from ..graph.calls import Calls, NoAnswer, TooManyCalls
 from ..graph.requests import MOTION_S, REQUESTS, CallResult, WrongRequest, number, text
+from ..plans.motion_list import ListPlan
 from ..plans.plan_store import LOG_TIMEOUT_S
 from ..plans.point_plan import WrongPlan, plan_of_points
 from . import simulator_link, teaching
@@ -78,6 +79,19 @@ async def _plan_points(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Ca
     return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
 
 
+async def _plan_list(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    steps = args.get("steps")
+    SECTIONS["lists"]({"steps": steps}, "the list")
+    joints = desk.feed.joints
+    if joints is None or desk.place(time.monotonic()) is None:
+        return CallResult(False, "the arm's joints are not known")
+    points = hub.cell.entries("points", desk.driver.node)
+    begin, limits = joints.position, desk.joint_limits
+    plan = await hub.calls.run(lambda: motion_lists.plan(desk.driver, steps or [], points, begin, limits),
+                               motion_lists.PLAN_S + 5.0)
+    return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
+
+
 async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     factor = number(args, "speed", 1.0)
     if not _SLOWEST_LOG <= factor <= _FASTEST_LOG:
@@ -92,18 +106,24 @@ async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallR
 
 async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     plan = hub.plans.get(desk.driver.node, args.get("plan"))
-    action, joints = desk.driver.action, desk.feed.joints
-    if action is None:
-        return CallResult(False, "the driver takes no trajectories")
-    problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
-                                           else joints.position)
-    if problem is not None:
-        return CallResult(False, problem)
     cancelled = threading.Event()
+    run: Callable[[], CallResult]
+    if isinstance(plan, ListPlan):
+        going = motion_lists.ListRun(desk.feed, lambda: hub.control.holder == page.id, cancelled)
+        run = functools.partial(going.run, plan)
+    else:
+        action, joints = desk.driver.action, desk.feed.joints
+        if action is None:
+            return CallResult(False, "the driver takes no trajectories")
+        problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
+                                               else joints.position)
+        if problem is not None:
+            return CallResult(False, problem)
+        run = functools.partial(trajectories.run, action, plan, cancelled)
     desk.cancels.add(cancelled)
     page.begins_motion(desk.driver.node, time.monotonic())
     try:
-        outcome: CallResult = await hub.calls.run(lambda: trajectories.run(action, plan, cancelled), MOTION_S)
+        outcome: CallResult = await hub.calls.run(run, MOTION_S)
         return outcome
     finally:
         page.ends_motion(desk.driver.node, time.monotonic())
@@ -148,6 +168,7 @@ def _of_cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], i
 COMMANDS: Dict[str, Command] = {
     **{name: Command(functools.partial(_service, name), request.needs_control) for name, request in REQUESTS.items()},
     "jog_speed": Command(_jog_speed, needs_arm=False), "plan_points": Command(_plan_points),
+    "plan_list": Command(_plan_list),
     "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
     "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False),
     "cell_change": _of_cell(CellDesk.change), "cell_upload": _of_cell(CellDesk.upload),

@@ -1,5 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { moved, wordsOf } from '../../../../tools/jaka_panel/web/js/cell/lists.js';
 import { Cell, partsOf, withChanges } from '../../../../tools/jaka_panel/web/js/cell/cell.js';
 
 const change = (/** @type {string} */ name, /** @type {any} */ entry = { label: name }) => ({ section: 'io', arm: '/a', name, entry });
@@ -58,4 +59,11 @@ test('a file is sent in parts that are its text again, and cuts no character', a
   cell.take({ t: 'cell', revision: 3, data: {} });
   assert.equal((await cell.replace('x'.repeat(30000))).ok, true);
   assert.deepEqual(asked.map(({ part, parts, revision }) => [part, parts, revision]), [[1, 3, 3], [2, 3, 3], [3, 3, 3]]);
+});
+
+test('steps are told in words and moved one place', () => {
+  assert.deepEqual(wordsOf({ kind: 'line', point: 'P1', speed: 0.05, blend: 0.01 }), ['list.step.line', { point: 'P1, ⌒ 10 mm', speed: '50 mm/s' }]);
+  assert.deepEqual(wordsOf({ kind: 'output', signal: 'digital', bank: 'tool', index: 1, value: false }), ['list.step.output', { where: 'tool DO 1', value: 0 }]);
+  const [a, b, c] = ['a', 'b', 'c'].map((kind) => ({ kind }));
+  assert.deepEqual([moved([a, b, c], 0, 1), moved([a, b, c], 2, -1), moved([a, b, c], 2, 1)], [[b, a, c], [a, c, b], [a, b, c]]);
 });
