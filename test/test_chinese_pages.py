@@ -43,26 +43,32 @@ def points(text):
     return re.findall(r"^\d+\.(?= )", without_code(text), re.MULTILINE), len(re.findall(r"^- ", text, re.MULTILINE))
 
 
-def links(text, folder):
-    """Return where its links lead, with how often; a Chinese page counts as its English one."""
-    own = {str(ZH / name): str(page) for name, (page, _) in PAGES.items()}
+def anchors(text):
+    return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+            for heading in re.findall(r"^#+ (.+)$", without_code(text), re.MULTILINE)]
+
+
+def links(text, page):
+    """Return where the links of a page lead, with how often; a Chinese page and heading count as the English ones."""
+    own = {str(ZH / name): name for name in PAGES}
     found = Counter()
     for target in re.findall(r"\]\(([^)\s]+)\)", without_code(text)):
         path, _, anchor = target.partition("#")
-        goal = os.path.normpath(str(folder / path)) if path else "here"
-        found[own.get(goal, goal), anchor] += 1
+        goal = os.path.normpath(str(page.parent / path)) if path else str(page)
+        if goal in own:
+            name = own[goal]
+            goal, here = str(PAGES[name][0]), anchors(chinese(name))
+            anchor = anchors(english(name))[here.index(anchor)] if anchor in here else anchor
+        found[goal, anchor] += 1
     return found
 
 
 def differences(name, ours, theirs):
     """Return in words how a Chinese page differs from its English one."""
-    page = PAGES[name][0]
-    here = Counter()
-    for (goal, anchor), count in links(theirs, page.parent).items():
-        here[str(page) if goal == "here" else goal, anchor] += count
     return [what for what, one, other in (
         ("headings", headings(ours), headings(theirs)), ("code", code(ours), code(theirs)),
-        ("lists", points(ours), points(theirs)), ("links", links(ours, ZH), here)) if one != other]
+        ("lists", points(ours), points(theirs)),
+        ("links", links(ours, ZH / name), links(theirs, PAGES[name][0]))) if one != other]
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -423,9 +423,12 @@ def markdown() -> str:
              "parameter of its name (`roslaunch --ros-args jaka_ros_driver robot_start_launch.launch` lists them); in",
              "a launch file of your own it is a line of the node:", "", "```xml",
              '<param name="model" value="zu12"/>', "```", "",
-             "The driver does not start with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would",
-             "make the default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the",
-             "arm is a simulated one.", "", "This page is made from the code with",
+             "Before the first start think about `ip`, `model`, `dh_file` and `auto_enable`",
+             "([operation.md](operation.md#start-at-boot)). At the driver itself `_model:=zu12` sets a parameter; it",
+             "does not start with `_model:=` without a value or with `model:=zu12`, of which rospy would make the",
+             "default. roslaunch leaves out `ip:=` without a value before a launch file can see it: then the arm is a",
+             "simulated one.", "",
+             "This page is made from the code with",
              "`build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     notes = []

@@ -2,13 +2,15 @@
 
 ``python3 -m jaka_ros_driver.wire.replayer LOG.mcap`` prints a line of JSON with its ports, one when the first client
 has connected, and one when all has been played. A port is open while the recorded one was connected. Time stands
-still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
+still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most. The last frame comes again
+and again then: no controller pauses its feed because a client is late, and a feed that owes frames counts as old.
 """
 import argparse
 import json
 import math
 import selectors
 import socket
+import statistics
 import sys
 import time
 from collections import deque
@@ -20,7 +22,14 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
 from jaka_ros_driver.wire.port_server import IDLE_S, PortServer
-from jaka_ros_driver.wire.recorded_session import Piece, RecordedConnection, RecordedSession, recorded_session
+from jaka_ros_driver.wire.recorded_session import (
+    STREAMED,
+    Piece,
+    RecordedConnection,
+    RecordedSession,
+    cut_objects,
+    recorded_session,
+)
 from jaka_ros_driver.wire.sockets import LOOPBACK
 from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
@@ -30,6 +39,8 @@ _EARLY_S = 0.05
 _GRACE_S = 2.0
 PATIENCE_S = 5.0
 """Longest wait, s of wall time, for a request; then the replayer assumes that this driver does not make it."""
+_LOOK_BACK = 8
+"""Pieces in which the last frame is looked for: a recorder may have got a frame in several."""
 
 
 class _Client:
@@ -44,6 +55,17 @@ class _Client:
         self.due: Deque[Piece] = deque(recorded.pieces)
         self.unsent = b""
         self.requests = 0
+        self.sent_at = 0.0
+        times = [piece.at for piece in recorded.pieces]
+        self.period = statistics.median([b - a for a, b in zip(times, times[1:])] or [math.inf])
+
+    def last_frame(self) -> bytes:
+        """Return the last frame that was sent; b"" in the middle of one, and where none was."""
+        end = len(self.recorded.pieces) - len(self.due)
+        sent = self.recorded.pieces[max(0, end - _LOOK_BACK):end]
+        found = cut_objects(sent)[-2:]
+        is_whole = len(found) == 2 and b"".join(piece.data for piece in sent).endswith(found[-1][1])
+        return found[-1][1] if is_whole else b""
 
     def end_at(self) -> Optional[float]:
         """Return when to end the connection, s of the recording; None for never. A client that lacks requests gets
@@ -116,10 +138,18 @@ class SessionReplayer(PortServer):
         now = self._now()
         moments = [client.due[0].at + self._shift(client) for client in self._clients.values() if client.due]
         moments += [end for end in (client.end_at() for client in self._clients.values()) if end is not None]
+        again = [client.sent_at + client.period / self._speed - time.monotonic() for client in self._waiting_clients()]
         further = [coming[0].opened - _EARLY_S for coming in self._coming.values() if coming]
         further.append(self._script.duration)
         moments += [moment for moment in further if moment > now]
-        return min([IDLE_S] + [max(moment - now, 0.0) / self._speed for moment in moments])
+        return min([IDLE_S] + [max(0.0, wait) for wait in again]
+                   + [max(moment - now, 0.0) / self._speed for moment in moments])
+
+    def _waiting_clients(self) -> List[_Client]:
+        """Return the clients whose feed would pause because time stands still."""
+        if self._held_since is None:
+            return []
+        return [client for client in self._clients.values() if client.recorded.port in STREAMED]
 
     @staticmethod
     def _shift(client: _Client) -> float:
@@ -169,10 +199,16 @@ class SessionReplayer(PortServer):
         for client in list(self._clients.values()):
             while client.due and client.due[0].at + self._shift(client) <= now:
                 client.unsent += client.due.popleft().data
+                client.sent_at = time.monotonic()
                 self._send(client)
             end = client.end_at()
             if end is not None and end <= now and not client.due:
                 self._drop(client, client.recorded.how)
+        for client in self._waiting_clients():
+            if time.monotonic() - client.sent_at >= client.period / self._speed:
+                client.unsent += client.last_frame()
+                client.sent_at = time.monotonic()
+                self._send(client)
         if self._begin is None:
             return
         for port, coming in self._coming.items():

@@ -1,5 +1,6 @@
 """Dependencies of the Debian packages against what the code imports: nothing that is imported is missing."""
 import configparser
+import os
 import pathlib
 import re
 import shutil
@@ -170,7 +171,7 @@ def unit():
 
 
 def test_every_service_is_installed_and_none_is_enabled_or_started():
-    assert {path.name for path in DEBIAN.glob("*.service")} == set(UNITS.values())
+    assert {path.name for path in DEBIAN.glob("*.service")} - {"roscore.service"} == set(UNITS.values())  # an example
     lines = re.findall(r"^\tdh_installsystemd (.*)$", (DEBIAN / "rules").read_text(encoding="utf-8"), re.MULTILINE)
     assert len(lines) == len(UNITS) and all("--no-enable --no-start" in line for line in lines)
     named = [re.search(r"--package=(\S+).*?(?:--name=(\S+))?$", line).groups("") for line in lines]
@@ -226,3 +227,27 @@ def test_systemd_finds_no_mistake_in_a_service_and_few_rights(name, tmp_path):
     done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--no-pager", "--threshold=15", str(copy)],
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert done.returncode == 0 and "Overall exposure level" in done.stdout, done.stdout
+
+
+@pytest.mark.parametrize("script", ["build", "packaging"])
+def test_trees_below_the_checkout_are_hidden_from_roslaunch(script):
+    # It looks for a launch file in every folder of the package that is not hidden, and starts none of two.
+    folder, = re.findall(r"^TREE=(\S+)", (DEBIAN.parent / script).read_text(encoding="utf-8"), re.MULTILINE)
+    assert any(part.startswith(".") for part in folder.split("/"))
+
+
+def test_a_purge_leaves_the_audit_logs_and_nothing_else(tmp_path):
+    kept, state = tmp_path / "var/lib/private/jaka-driver", tmp_path / "var/lib/jaka-driver"
+    for file in ("left/jaka_audit/10.5.5.100_10001/audit-1.jsonl", "left/other/file", "right/file"):
+        (kept / file).parent.mkdir(parents=True, exist_ok=True)
+        (kept / file).write_text("evidence\n", encoding="utf-8")
+    state.mkdir()
+    for arm in ("left", "right"):
+        (state / arm).symlink_to(os.path.join("..", "private", "jaka-driver", arm))
+    (tmp_path / "var/log/jaka-driver").mkdir(parents=True)
+    script = (DEBIAN / "python3-jaka-ros-driver.postrm").read_text(encoding="utf-8")
+    script = script.replace(" /var/", " %s/var/" % tmp_path)
+    subprocess.run(["sh", "-c", script, "postrm", "purge"], check=True, timeout=30)
+    assert [str(path.relative_to(kept)) for path in kept.rglob("*") if path.is_file()] == [
+        "left/jaka_audit/10.5.5.100_10001/audit-1.jsonl"]
+    assert [path.name for path in state.iterdir()] == ["left"] and not (tmp_path / "var/log/jaka-driver").exists()

@@ -22,7 +22,8 @@ from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 PANEL_PORT = 10002
 UNIT = "jaka-driver@cell.service"
 CONFIGURATION = pathlib.Path("/etc/jaka/cell.conf")
-EXAMPLE = pathlib.Path("/usr/share/doc/python3-jaka-ros-driver/examples/example.conf")
+EXAMPLES = pathlib.Path("/usr/share/doc/python3-jaka-ros-driver/examples")
+EXAMPLE = EXAMPLES / "example.conf"
 CUSTODY = pathlib.Path("/run/jaka-driver/cell/jaka_ros_driver")
 MOVE = "rosservice call /jaka_driver/joint_move '{pose: [%g, 1.2, -1.2, 1.57, 1.57, 0.5], mvvelo: %g, mvacc: 2.0}'"
 
@@ -172,11 +173,11 @@ def frozen() -> str:
 
 def early() -> str:
     """Check that a driver that is started before the ROS master waits for it, without a second start."""
-    run("systemctl stop test-master")
+    run("systemctl stop roscore")
     run("systemctl start --no-block " + UNIT)
     time.sleep(12.0)  # what must not come has no other sign
     assert shown("ActiveState") == "activating" and shown("NRestarts") == "0", shown("NRestarts")
-    run("systemd-run --quiet --setenv=ROS_HOSTNAME=localhost --setenv=HOME=/root --unit=test-master roscore")
+    run("systemctl start roscore")
     seconds = require(lambda: shown("ActiveState") == "active", "it is active with the master")
     return "active %.1f s after the master" % seconds
 
@@ -219,7 +220,8 @@ def main() -> int:
     os.environ.update(ROS_HOSTNAME="localhost", ROS_MASTER_URI="http://localhost:11311")
     print("Python %s, %s" % (platform.python_version(), run("systemctl --version").splitlines()[0]), flush=True)
     service = "systemd-run --quiet --setenv=ROS_HOSTNAME=localhost --setenv=HOME=/root --unit="
-    run(service + "test-master roscore")
+    shutil.copy(str(EXAMPLES / "roscore.service"), "/etc/systemd/system")
+    run("systemctl daemon-reload && systemctl start roscore")
     run("%stest-controller jaka_sim --power-delay 0.1 --enable-delay 0.1 --panel-port %d" % (service, PANEL_PORT))
     until(lambda: json.dumps(state()), "the simulated controller runs")
     for name, attempt in (

@@ -49,6 +49,10 @@ class CycleClock:
         self.next_tick = self._origin + (self._ticks + 1) * self._tick
         return cycles
 
+    def moment_before(self, now: float, cycles: int) -> float:
+        """Return the moment of the wall clock, s, so many cycles before another one."""
+        return now - cycles * CYCLE_TIME_S / self._scale
+
     def frame_is_due(self, now: float, period: float) -> bool:
         """Return True once in each period of the feed, s of simulated time.
 

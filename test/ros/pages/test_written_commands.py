@@ -237,6 +237,9 @@ def check(words, written, target=""):
         return run_by_python(before, program, rest, target)
     elif program == "pip":
         extras(rest)
+    elif program == "apt":
+        if rest[0] != "install" or not all(name.startswith("./build/deb/") for name in rest[1:]):
+            raise Wrong("apt %s" % rest)
     elif program in (".", "source"):
         if rest[0].startswith("build/") and program_places.place().name != "deb" and not (ROOT / rest[0]).is_file():
             raise Wrong("no %s" % rest[0])

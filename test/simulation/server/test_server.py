@@ -190,6 +190,19 @@ def test_frames_follow_the_asked_period(make_arm):
         assert arm.state()["simulated_s"] - began < 100 * 0.02  # 8 ms were asked for, 30 ms is the default
 
 
+def test_frames_that_were_due_while_the_computer_had_no_time_come_late_and_all_of_them(make_arm):
+    arm = make_arm(time_scale=1.0)
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.code("set_port10000_delay_ms", port10000_delay_ms=8) == "0"
+        feed.until(lambda frame: not any(frame["dout"]))
+        began = arm.state()["simulated_s"]
+        for _ in range(5):
+            arm.server.call(lambda: time.sleep(0.1))
+        simulated = arm.state()["simulated_s"] - began
+        assert client.code("set_digital_output", type=0, index=1, value=1) == "0"
+        assert len(feed.until(lambda frame: any(frame["dout"]))) > 0.9 * simulated / 0.008
+
+
 def test_what_status_clients_send_is_passed_over(arm, feed):
     feed.send(b"anything\xff{" * 1000)
     assert feed.frame()["enabled"] is True

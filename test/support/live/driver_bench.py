@@ -210,12 +210,16 @@ class DriverProcess:
         return self
 
     def __exit__(self, *_):
-        """End it politely, if possible: a driver that is killed stays registered with the master."""
+        """End it politely, if possible: a driver that is killed stays registered with the master.
+
+        It prints what the driver said, which pytest shows where a test or a fixture has failed.
+        """
         try:
-            self.end()
+            _, said = self.end()
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.communicate(timeout=WAIT)
+            _, said = self.wait()
+        print("driver %s said:\n%s" % (self.process.args[1], said))
 
 
 def on(simulator, guard=True):
