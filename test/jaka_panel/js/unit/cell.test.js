@@ -1,5 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { layoutOf } from '../../../../tools/jaka_panel/web/js/cell/names.js';
 import { moved, wordsOf } from '../../../../tools/jaka_panel/web/js/cell/lists.js';
 import { Cell, partsOf, withChanges } from '../../../../tools/jaka_panel/web/js/cell/cell.js';
 
@@ -66,4 +67,11 @@ test('steps are told in words and moved one place', () => {
   assert.deepEqual(wordsOf({ kind: 'output', signal: 'digital', bank: 'tool', index: 1, value: false }), ['list.step.output', { where: 'tool DO 1', value: 0 }]);
   const [a, b, c] = ['a', 'b', 'c'].map((kind) => ({ kind }));
   assert.deepEqual([moved([a, b, c], 0, 1), moved([a, b, c], 2, -1), moved([a, b, c], 2, 1)], [[b, a, c], [a, c, b], [a, b, c]]);
+});
+
+test('the layout is what the browser keeps of the page, and nothing else that it keeps', () => {
+  const kept = new Map([['jaka-panel-drawer', '240'], ['jaka-panel-points', '{}'], ['jaka-panel-token', 'secret'], ['jaka-panel-theme', 'dark']]);
+  const storage = /** @type {any} */ ({ getItem: (/** @type {string} */ key) => kept.get(key) ?? null });
+  assert.deepEqual(layoutOf(storage), { drawer: '240', theme: 'dark' });
+  assert.deepEqual(layoutOf(null), {});
 });

@@ -4,6 +4,7 @@ import { DEGREES, fixed, rpyFromRotationVector } from '../ui/format.js';
 import { numberField } from '../ui/field.js';
 import { toast } from '../ui/toast.js';
 import { readAll } from '../do/setup.js';
+import { makeLayout, makeNames } from './names.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -19,7 +20,7 @@ const AT_ONCE = 100;
  * @param {App} app
  */
 export function mountCell(root, app) {
-  root.append(makeOffer(app), makeFrames(app), makePayloads(app), makeFile(app));
+  root.append(makeOffer(app), makeFrames(app), makePayloads(app), makeNames(app), makeLayout(app), makeFile(app));
 }
 
 /**
