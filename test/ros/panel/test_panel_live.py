@@ -294,6 +294,9 @@ def test_a_list_of_motions_is_drawn_run_and_ended_by_whoever_stops_the_arm(page,
     ended = answer()
     assert not ended["ok"] and "step 3" in ended["message"] and "stopped" in ended["message"]
     assert there(live, points["up"]), "nothing goes on by itself"
+    long = [{"kind": "line", "point": point, "speed": 0.1} for point in ("up", "stage")] * 10
+    first, second = (page.begin_command("plan_list", arm, steps=long) for _ in range(2))
+    assert "being planned" in second()["message"] and first()["ok"]
     for wrong in ([], "x", [{"kind": "line", "point": "nowhere", "speed": 0.1}], [{"kind": "jump"}]):
         assert not page.command("plan_list", arm, steps=wrong)["ok"]
 

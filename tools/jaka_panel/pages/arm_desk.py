@@ -27,6 +27,7 @@ class ArmDesk:
         is_listed: True if the master knows the driver.
         has_simulator: True if the simulated controller's operator port answers.
         cancels: Set to end trajectories that run.
+        is_planning: True while a list of motions is planned.
     """
 
     def __init__(self, driver: Driver, simulator_port: int) -> None:
@@ -39,6 +40,7 @@ class ArmDesk:
         self.has_simulator = False
         self.simulator_port = driver.simulator_port or simulator_port
         self.cancels: Set[threading.Event] = set()
+        self.is_planning = False
         self.watched_at = -1e9
         self._description: Optional[description.Description] = None
         self._was_generated = False

@@ -87,8 +87,14 @@ async def _plan_list(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Call
         return CallResult(False, "the arm's joints are not known")
     points = hub.cell.entries("points", desk.driver.node)
     begin, limits = joints.position, desk.joint_limits
-    plan = await hub.calls.run(lambda: motion_lists.plan(desk.driver, steps or [], points, begin, limits),
-                               motion_lists.PLAN_S + 5.0)
+    if desk.is_planning:  # each pose is a question to the controller
+        return CallResult(False, "another list is being planned")
+    desk.is_planning = True
+    try:
+        plan = await hub.calls.run(lambda: motion_lists.plan(desk.driver, steps or [], points, begin, limits),
+                                   motion_lists.PLAN_S + 5.0)
+    finally:
+        desk.is_planning = False
     return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
 
 
