@@ -90,7 +90,7 @@ function makeFrames(app) {
       draw();
       app.lockControls();
     });
-    return h('div', {}, h('h4', { t: `cell.kept.${section}` }), list);
+    return h('div', {}, h('p', { class: 'hint', t: `cell.kept.${section}` }), list);
   });
   return h('section', { class: 'card' }, h('h3', { t: 'cell.frames' }), ...lists);
 }

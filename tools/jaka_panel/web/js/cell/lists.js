@@ -128,8 +128,9 @@ export function makeListRun(app, take) {
       setText(words, ...wordsOf(step));
       /** @type {(label: string, sign: string, act: () => void) => HTMLElement} */
       const button = (label, sign, act) => h('button', { type: 'button', class: 'plain', tLabel: label, on: { click: act } }, sign);
-      return h('li', {}, words, button('list.up', '↑', () => change(moved(steps, n, -1))), button('list.down', '↓', () => change(moved(steps, n, 1))),
-        button('points.remove', '×', () => change(steps.filter((one) => one !== step))));
+      return h('li', {}, h('span', {}, `${n + 1}`), words, h('span', { class: 'second' }), h('span', { class: 'buttons' },
+        button('list.up', '↑', () => change(moved(steps, n, -1))), button('list.down', '↓', () => change(moved(steps, n, 1))),
+        button('points.remove', '×', () => change(steps.filter((one) => one !== step)))));
     }));
   }
 

@@ -11,7 +11,7 @@ import { twiceButton } from './twice.js';
 const MOST_POSES = 20;
 const LEAST_POSES = 4;
 const LONGEST = 60;
-/** Residual above which a result is shown as doubtful, m. */
+/** Error above which a result is shown as doubtful, m. */
 const DOUBTFUL_M = 0.001;
 const MM = 1000;
 
@@ -117,7 +117,7 @@ function makeResult(app, { section, cmd, highest }) {
       const turn = rpyFromRotationVector(next.r).map((value) => fixed(value * DEGREES, 2)).join(' / ');
       setText(said, 'teach.result', { p: millimetres(next.p), r: `${turn} °` });
       setText(error, errorKey, values);
-      error.setAttribute('data-mark', next.residual === undefined || next.residual > DOUBTFUL_M ? 'warn' : 'ok');
+      error.setAttribute('data-mark', next.residual === undefined || Math.max(next.residual, next.uncertainty ?? 0) > DOUBTFUL_M ? 'warn' : 'ok');
     },
   };
 }
