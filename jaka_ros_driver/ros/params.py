@@ -234,7 +234,7 @@ class DriverConfig:
                                          "Highest speed of a joint by jog_joints; more is slowed down to it.")
     jog_max_linear_speed: float = _number(
         _CLIENT.jog_max_linear_speed, 0.001, 0.6, "m/s", "Highest speed of the tool by jog_twist; more is slowed down "
-        "to it. The default is the reduced speed of ISO 10218-1.")
+        "to it. The default is the reduced speed of ISO 10218-1; nothing guarantees it.")
     jog_max_angular_speed: float = _number(_CLIENT.jog_max_angular_speed, 0.001, 1.0, "rad/s",
                                            "The same for its turning.")
     stream_ahead: int = _integer(

@@ -11,9 +11,8 @@ import time
 from typing import Any, Callable, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Tuple
 
 from jaka_bag.errors import ConnectionLost, JakaBagError, ProtocolError
-from jaka_bag.live.graph import RemoteNode, master_uri
+from jaka_bag.live.graph import REGISTRATION_PERIOD_S, RemoteNode, master_uri
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.session import REGISTRATION_PERIOD_S
 from jaka_bag.live.subscriber import Subscriber
 from jaka_bag.live.topic_selection import TopicSelection
 from jaka_bag.messages.connection import Connection

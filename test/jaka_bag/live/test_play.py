@@ -344,6 +344,19 @@ def test_without_a_master_it_says_so(mortal_graph):
     graph.start_master()
 
 
+def test_a_player_is_found_at_a_master_that_came_back(mortal_graph):
+    graph = mortal_graph
+    write_log(graph.folder / "log.bag", [("/a", 100 * i, string_frame("%d" % i)) for i in range(600)])
+    player = graph.jaka_bag("play", "log.bag")
+    player.wait_for_line("playing")
+    graph.stop_master()
+    graph.start_master()
+    player.wait_for_line("registered again")
+    with Listener("/a") as listener:
+        assert waiting.eventually(lambda: listener.texts("/a"))
+    assert player.stop() == 0
+
+
 def test_log_times_of_a_record_of_a_play_follow_the_first_log(graph):
     write_log(graph.folder / "log.bag", [("/a", 5 * i, string_frame("%d" % i)) for i in range(100)])
     recorder = graph.record("/a", "-O", "again")

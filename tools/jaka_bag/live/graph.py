@@ -16,6 +16,8 @@ from ..errors import ConnectionLost, ProtocolError
 
 _MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
 """The beginning of a master's reason for a shutdown: the name of the node that it means (rosmaster.master_api)."""
+REGISTRATION_PERIOD_S = 1.0
+"""Time between two looks for a master that was restarted, s."""
 _UNREACHABLE = (OSError, http.client.HTTPException)
 _BROKEN = (xmlrpc.client.Error, ExpatError, ValueError, TypeError)
 

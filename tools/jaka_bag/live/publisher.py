@@ -16,7 +16,7 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 from ..errors import ConnectionLost, ProtocolError
 from ..messages.connection import Connection
-from .graph import RemoteNode, SlaveServer, master_uri
+from .graph import REGISTRATION_PERIOD_S, RemoteNode, SlaveServer, master_uri
 from .names import NodeNames, host_address
 from .tcpros import decode_header, encode_header
 
@@ -77,6 +77,9 @@ class Publisher:
         self.master = RemoteNode(master_uri(), names.node)
         self._has_joining = threading.Event()
         self._is_closing = False
+        self._closes = threading.Event()
+        self._types: Dict[str, str] = {}  # by topic, as it is registered
+        self._registrar = threading.Thread(target=self._stay_registered, name="registration", daemon=True)
         self._host, bind = host_address(os.environ)
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.settimeout(None)  # whatever new sockets have in this process
@@ -93,15 +96,28 @@ class Publisher:
             [o.topic, sum(link.sent_bytes for link in o.links),
              [[id(link) % 2147483647, link.sent_bytes, link.sent, True] for link in o.links]] for o in self.offers]
         self._slave.topic_address = self._topic_address
+        self._registrar.start()
 
     def advertise(self, topic: str, connection: Connection, is_latching: bool) -> TopicPublisher:
         """Offer a topic with a type; further types of one topic are served to those who ask for their md5."""
         offer = TopicPublisher(topic, connection, is_latching)
-        is_first = all(other.topic != topic for other in self.offers)
         self.offers.append(offer)
-        if is_first:
+        if topic not in self._types:
             self.master.call("registerPublisher", topic, connection.datatype, self._slave.uri)
+            self._types[topic] = connection.datatype
         return offer
+
+    def _stay_registered(self) -> None:
+        """Register again where the master knows nothing of a topic, as after its restart."""
+        master = RemoteNode(self.master.uri, self.names.node)
+        while not self._closes.wait(REGISTRATION_PERIOD_S):
+            with contextlib.suppress(ConnectionLost, ProtocolError):
+                known = dict(master.call("getSystemState")[0])
+                lost = [topic for topic in list(self._types) if self.names.node not in known.get(topic, ())]
+                for topic in lost:
+                    master.call("registerPublisher", topic, self._types[topic], self._slave.uri)
+                if lost:
+                    self._notice("registered again: the master was restarted")
 
     def _topic_address(self, topic: str) -> Optional[Tuple[str, int]]:
         if self._is_closing or all(offer.topic != topic for offer in self.offers):
@@ -244,7 +260,9 @@ class Publisher:
         for link in waiting.values():
             self._notice("%s did not read to the end" % link.subscriber)
             link.socket.close()
-        for topic in sorted({offer.topic for offer in self.offers}):
+        self._closes.set()
+        self._registrar.join()
+        for topic in sorted(self._types):
             try:
                 self.master.call("unregisterPublisher", topic, self._slave.uri)
             except (ConnectionLost, ProtocolError):

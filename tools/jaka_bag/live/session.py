@@ -12,7 +12,7 @@ from ..errors import ConnectionLost, JakaBagError, ProtocolError
 from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .bus_statistics import ask_publishers
-from .graph import RemoteNode
+from .graph import REGISTRATION_PERIOD_S, RemoteNode
 from .stream_account import PublisherStream
 from .subscriber import Subscriber
 from .topic_selection import TopicSelection
@@ -27,9 +27,7 @@ _LOSS_NOTICE_PERIOD_S = 10.0
 _ABSENT_NOTICE_S = 5.0
 """Time, s, after which topics that are asked for by name and not published are named."""
 _INTERFACE_PERIOD_S = 0.5
-REGISTRATION_PERIOD_S = 1.0
-"""Time between two looks for a master that was restarted, s."""
-"""A node's topics are looked for so often, s: the master lists the whole graph for it."""
+"""Time between two looks for a node's topics, s: the master lists the whole graph for it."""
 _NO_INTERFACE = ("/rosout", "/rosout_agg", CLOCK_TOPIC)
 """Topics that any node has."""
 
