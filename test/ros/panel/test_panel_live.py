@@ -1,4 +1,5 @@
 """A panel on a running driver: the messages of a page, and each of its commands, with one page and with two."""
+import contextlib
 import math
 import os
 import signal
@@ -6,6 +7,7 @@ import subprocess
 import time
 
 import pytest
+import rospy
 from driver_bench import HOME, LiveDriver
 from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
@@ -100,6 +102,15 @@ def runs(page, live, arm, plan):
         return page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)["ok"] and page.command(
             "plan_run", arm, plan=plan["plan"])["ok"]
     return eventually(done) and there(live, plan["end"])
+
+
+def refuses(page, arm, plan, why):
+    """Run a plan that is refused for this reason; again where a busy host is another one."""
+    def done():
+        answer = page.command("plan_run", arm, plan=plan["plan"])
+        assert not answer["ok"]
+        return why in answer["message"]
+    return eventually(done)
 
 
 def state(page, arm, holds):
@@ -283,17 +294,31 @@ def test_a_list_of_motions_is_drawn_run_and_ended_by_whoever_stops_the_arm(page,
     assert plan["path"][0] == pytest.approx(HOME, abs=1e-3) and plan["end"] == pytest.approx(points["end"], abs=1e-3)
     assert runs(page, live, arm, plan), "it arrives"
     page.wait("io", lambda m: m["banks"]["cabinet"]["do"][5])
-    away = page.command("plan_run", arm, plan=plan["plan"])
-    assert not away["ok"] and "step 1" in away["message"] and "move there first" in away["message"]
+    assert eventually(lambda: page.command("tool_frame", arm, number=2, p=[0.0, 0.0, 0.05], r=[0.0, 0.0, 0.0])["ok"])
+    assert eventually(lambda: page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)["ok"])
+    assert refuses(page, arm, plan, "step 1: tool or user frame are others")
+    assert eventually(lambda: page.command("tool_frame", arm, number=2, p=[0.0] * 3, r=[0.0] * 3)["ok"])
+    assert eventually(lambda: page.command("joint_move", arm, q=STAGE, speed=1.0, acc=4.0)["ok"])
+    assert refuses(page, arm, plan, "step 1: joint") and refuses(page, arm, plan, "move there first")
     plan = page.command("plan_list", arm, steps=[
         {"kind": "line", "point": "up", "speed": 0.1}, {**output, "index": 6}, {"kind": "wait", "s": 60.0},
         {"kind": "joint", "point": "stage", "speed": 1.0}])["data"]
-    answer = page.begin_command("plan_run", arm, plan=plan["plan"])
-    page.wait("io", lambda m: m["banks"]["cabinet"]["do"][6])
-    live.arm.call("stop_move")
-    ended = answer()
-    assert not ended["ok"] and "step 3" in ended["message"] and "stopped" in ended["message"]
-    assert there(live, points["up"]), "nothing goes on by itself"
+
+    def is_set():
+        return [m for m in page.messages if m["t"] == "io"][-1]["banks"]["cabinet"]["do"][6]
+
+    def ends_in_its_wait():
+        page.command("set_output", arm, **{**output, "index": 6, "value": False})
+        page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)
+        answer = page.begin_command("plan_run", arm, plan=plan["plan"])
+        eventually(is_set, 10.0)
+        with contextlib.suppress(rospy.ServiceException):  # a busy host: whether the arm rests is not seen
+            live.arm.call("stop_move")
+        ended = answer()
+        assert not ended["ok"]
+        return "step 3" in ended["message"] and "stopped" in ended["message"]
+    assert eventually(ends_in_its_wait), "nothing goes on by itself; again where a busy host has ended it before"
+    assert there(live, points["up"])
     long = [{"kind": "line", "point": point, "speed": 0.1} for point in ("up", "stage")] * 10
     first, second = (page.begin_command("plan_list", arm, steps=long) for _ in range(2))
     assert "being planned" in second()["message"] and first()["ok"]
