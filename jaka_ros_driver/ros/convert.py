@@ -5,10 +5,11 @@ as float32 is 1.7e-7 rad more). So a joint target, speed or acceleration that ex
 ``limits.FLOAT32_SLACK`` of the limit is set to the limit; a larger one is refused. The controller never receives a
 value beyond its limits.
 """
+import json
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
+from typing import TYPE_CHECKING, Dict, List, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 import genpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
@@ -18,6 +19,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 from jaka_msgs import msg as messages
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.workspace import Workspace, workspace_of_text
+from jaka_ros_driver.client.core.procedures.settings import HeldSettings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -293,6 +295,26 @@ class RequestDecoder:
 def wire_pose(pose: c.Pose) -> Tuple[float, ...]:
     """Return a pose as the ``cartesian_pose`` of get_fk: x, y, z, mm, and rpy, rad."""
     return all_m_to_mm(pose.position) + tuple(pose.rpy)
+
+
+def settings_text(held: HeldSettings) -> str:
+    """Return the settings as the JSON of get_settings: m, rotation vectors in rad, kg; null for what is not known."""
+    payload = held.payload
+    return json.dumps({
+        "tool": held.tool_id, "user_frame": held.user_frame_id,
+        "tools": None if held.tools is None else [_frame(pose) for pose in held.tools],
+        "user_frames": None if held.user_frames is None else [_frame(pose) for pose in held.user_frames],
+        "payload": None if payload is None else {"mass": payload.mass, "centre": _rounded(payload.centroid)},
+        "collision_level": held.collision_level})
+
+
+def _frame(pose: c.Pose) -> Dict[str, List[float]]:
+    return {"p": _rounded(pose.position), "r": _rounded(rotation_vector_from_rpy(pose.rpy))}
+
+
+def _rounded(values: Sequence[float]) -> List[float]:
+    """Return the values to a tenth of a micrometre or microradian."""
+    return [round(value, 7) for value in values]
 
 
 # ---- state to messages ----

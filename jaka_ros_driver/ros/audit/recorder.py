@@ -23,6 +23,7 @@ from jaka_ros_driver.ros.audit.plain import plain
 
 NOT_RECORDED: Dict[str, str] = {
     "~get_io": "reads an input or output",
+    "~get_settings": "reads frames, load and collision level",
     "~get_fk": "computes a pose",
     "~get_ik": "computes joint positions",
     "NAME/query_state": "reads where the joints are wanted; NAME is ~trajectory_controller",

@@ -11,7 +11,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.motion_guard.motion_check import STOP
 from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings, zones
 from jaka_ros_driver.errors import InvalidCommand
-from jaka_ros_driver.ros.convert import Terminal, ToolPayload
+from jaka_ros_driver.ros.convert import Terminal, ToolPayload, settings_text
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
@@ -115,6 +115,10 @@ class ServiceHandlers:
         """Serve set_collisionlevel: set it and read it back."""
         with self._settings:
             return ServiceOutcome(self._arm.run(lambda core: settings.set_collision_level(core, level)))
+
+    def held_settings(self, _: None) -> ServiceOutcome:
+        """Serve get_settings: answer with the settings that the controller holds now, as JSON; change nothing."""
+        return ServiceOutcome(settings_text(self._arm.run(settings.held)))
 
     def output(self, command: Union[c.SetDigitalOutput, c.SetAnalogOutput]) -> ServiceOutcome:
         """Serve set_io: set the output and read it back."""

@@ -158,6 +158,7 @@ _ROWS: Tuple[ServiceSpec, ...] = (
     service("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
     service("set_collisionlevel", types.SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level,
             as_ret),
+    service("get_settings", Trigger, RequestDecoder.nothing, ServiceHandlers.held_settings, as_success),
     service("set_io", types.SetIO, RequestDecoder.output, ServiceHandlers.output, as_ret),
     service("get_io", types.GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
     service("zero_ftsensor", Trigger, RequestDecoder.nothing, ServiceHandlers.zero_force_sensor, as_success),

@@ -54,6 +54,23 @@ def test_tool_and_user_frames_are_stored_read_back_and_active():
     assert arm.controller.state.memory.tools.active == 2
 
 
+def test_held_settings_are_those_of_the_controller_and_what_it_does_not_tell_is_none():
+    arm = simulated()
+    settings.set_user_frame(arm, c.SetUserFrame(3, POSE, "table"), True)
+    settings.set_payload(arm, 1, c.SetPayload(1.5, (0.0, 0.0, 0.05)))
+    settings.set_collision_level(arm, 2)
+    held = settings.held(arm)
+    assert (held.tool_id, held.user_frame_id, held.collision_level) == (1, 3, 2)
+    assert held.payload == c.SetPayload(1.5, (0.0, 0.0, 0.05))
+    assert held.user_frames[3].position == pytest.approx(POSE.position)
+    assert held.user_frames[3].rpy == pytest.approx(POSE.rpy)
+    procedure = procedures.held(arm.core)
+    question = next(procedure)
+    while question.command is not c.Query.PAYLOAD:
+        question = procedure.send(())
+    assert procedure.throw(CommandRejected("get_payload", 1, "unknown")).command is c.Query.COLLISION_LEVEL
+
+
 def test_payload_and_collision_level_are_read_back():
     arm = simulated()
     load = c.SetPayload(1.5, (0.0, 0.0, 0.05))

@@ -178,6 +178,10 @@ def test_a_page_without_the_token_only_watches_and_says_why(panel, open_page):
     panel.may, panel.why = "watch", "no token"
     page = open_page()
     page.until_text("#control-said", "open the link with the token")
+    page.until_text("#stop-said", "without the token: stops nothing")
+    assert page.evaluate("document.querySelector('#stop').ariaDisabled") == "true"
+    page.click("#stop")
+    page.until_text("#stop-said", "This page cannot stop the arm: use the emergency stop button")
     assert page.evaluate("document.querySelector('#control-button').hidden")
 
 
@@ -271,12 +275,48 @@ def test_an_output_shows_what_the_controller_reports_not_what_was_asked(panel, o
     page.until("document.querySelector(%s).getAttribute('aria-checked') === 'true'" % json.dumps(switch))
 
 
+def test_a_setting_is_read_asked_for_written_and_read_back(panel, open_page):
+    frames = [{"p": [0.0, 0.0, 0.0], "r": [0.0, 0.0, 0.0]}, {"p": [0.0, 0.0, 0.12], "r": [0.0, 0.0, 0.0]}]
+    held = {"tool": 1, "user_frame": 0, "tools": frames, "user_frames": frames, "collision_level": 2,
+            "payload": {"mass": 1.5, "centre": [0.0, -0.02, 0.0412345]}}
+
+    def write(arguments):
+        held["payload"] = {"mass": arguments["mass"], "centre": arguments["centre"]}
+        return {}
+    panel.answers.update(settings=lambda arguments: {"data": held}, payload=write)
+    page = open_page(control=True)
+    page.click("#tab-setup")
+    card = "#panel-setup .card:nth-child(3) "
+    mass, z = card + ".field:nth-child(2) input", card + ".field:nth-child(5) input"
+    page.until("document.querySelector(%s).value === '1.50'" % json.dumps(mass))
+    assert page.evaluate("document.querySelector('#panel-setup [data-name=level2]').ariaPressed") == "true"
+    assert page.evaluate("document.querySelector('#panel-setup .card .field:nth-child(4) input').value") == "120.00"
+    page.click(card + "> .buttons button")
+    page.until_text(card + ".said", "Nothing is changed")
+    page.type(mass, "1.2")
+    page.until_text(card + ".field:nth-child(2) .note", "now 1.50")
+    page.click(card + "> .buttons button")
+    page.until_text(card + ".ask", "Mass: 1.50 → 1.20 kg")
+    page.until_text(card + ".ask", "Lighter than before")
+    assert not panel.sent("payload")
+    page.click(card + ".ask button")
+    page.until_text(card + ".said", "Written, and read back the same")
+    assert [one["args"] for one in panel.sent("payload")] == [
+        {"tool": 1, "mass": 1.2, "centre": [0.0, -0.02, 0.0412345]}], "what nobody changed, to the last digit"
+    held["payload"]["centre"] = [0.0, 0.0, 0.0]  # by a pendant
+    page.type(mass, "0")
+    page.click(card + "> .buttons button")
+    page.until_text(card + ".said", "other values than were shown")
+    assert len(panel.sent("payload")) == 1
+    assert page.evaluate("document.querySelector(%s).value" % json.dumps(z)) == "0.00"
+
+
 def test_every_button_answers(panel, open_page):
     # Each one is pressed in each tab: something is sent, or something on the page changes.
     page = open_page(control=True, height=1400)
     dead = []
     clicked = 0
-    for tab in ("jog", "move", "run", "io", "setup", "simulator"):
+    for tab in ("jog", "move", "run", "io", "setup", "teach", "cell", "simulator"):
         page.click("#tab-" + tab)
         count = page.evaluate("document.querySelectorAll('main button, .switches button').length")
         for number in range(count):

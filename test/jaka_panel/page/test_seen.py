@@ -41,6 +41,43 @@ def test_state_is_shown_in_both_units(panel, open_page):
     page.until_text("[data-state=emergency]", "PRESSED")
 
 
+PRIMARY = ("[...document.querySelectorAll('.primary')].filter((one) => one.checkVisibility())"
+           ".map((one) => one.textContent).join()")
+"""The buttons that stand out, by their texts."""
+
+
+def test_the_line_says_why_the_arm_cannot_move_and_what_is_next(panel, open_page):
+    def offered(number):
+        button = "document.querySelector('#arm-bar button:nth-child(%d)')" % number
+        return page.evaluate("[%s.textContent, %s.getAttribute('aria-disabled'), %s.title]" % ((button,) * 3))
+    page = open_page()
+    page.until_text("#line-said", "Can move")
+    page.until(PRIMARY + " === 'Take control'")
+    page.click("#control-button")
+    page.until(PRIMARY + " === ''")
+    panel.state["robot"].update(motion=2, power=0)
+    panel.state["status"].update(e_stopped=True)
+    page.until_text("#line-said", "Cannot move: the emergency stop is pressed. Release it at the arm, then recover.")
+    assert page.evaluate(PRIMARY) == ""
+    assert offered(1) == ["Power on", "true", "The emergency stop is pressed: release it at the arm first"]
+    page.click("#arm-bar button")
+    page.until_text("#toasts", "The emergency stop is pressed")
+    panel.state["status"].update(e_stopped=False)
+    panel.state["robot"].update(motion=0)
+    page.until(PRIMARY + " === 'Power on'")
+    page.click("#arm-bar button")
+    page.until_text("#toasts", "done")
+    assert [one["args"] for one in panel.sent("power")] == [{"on": True}], "one for each that was offered"
+    panel.state["robot"].update(power=1)
+    page.until_text("#line-said", "Can move")
+    panel.arms[0]["alive"] = False
+    panel.state.update(fresh=False, age=1.0)
+    panel.say(t="arms", arms=panel.arms)
+    page.until_text("#line-said", "the driver has ended or does not answer. Start the driver again.")
+    page.until_text("[data-state=enabled]", "was: yes")
+    assert offered(2)[1:] == ["true", "The driver has ended or does not answer"] and page.evaluate(PRIMARY) == ""
+
+
 def test_what_is_old_is_never_shown_as_new(panel, open_page):
     page = open_page()
     assert page.text("#age").startswith("live")
@@ -138,24 +175,59 @@ def test_a_screen_reader_finds_names_and_eyes_find_contrast(panel, open_page, la
 
 
 def test_nothing_sticks_out_at_any_size_and_stop_is_always_there(panel, open_page):
+    def size_of(selector):
+        return page.evaluate("(({x, y, width, height, right, bottom}) => ({x, y, width, height, right, bottom}))"
+                             "(document.querySelector(%s).getBoundingClientRect())" % json.dumps(selector))
     page = open_page(language="zh-CN")
     for width, height in ((512, 384), (1024, 768), (1366, 1024), (3840, 2160)):  # the first is 1024 px at 200 % zoom
         page.resize(width, height)
         for tab in ("jog", "move", "run", "io", "setup"):
             page.click("#tab-" + tab)
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (width, tab)
+            if width < 1000:
+                continue
+            assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), (width, tab)
+            for part in ("#line", "#status", "#view", "#joints", "#drawer-bar"):
+                box = size_of(part)
+                assert box["height"] > 20 and box["y"] >= 0 and box["bottom"] <= height, (width, tab, part, box)
+            assert size_of("#view")["height"] > 0.2 * height, (width, tab)
         page.evaluate("scrollTo(0, document.body.scrollHeight)")
-        box = page.evaluate("(({x, y, width, height, right, bottom}) => ({x, y, width, height, right, bottom}))"
-                            "(document.querySelector('#stop').getBoundingClientRect())")
+        box = size_of("#stop")
         assert box["x"] >= 0 and box["y"] >= 0 and box["right"] <= width and box["bottom"] <= height, width
         assert box["width"] >= 120 and box["height"] >= 48, width
+
+
+def test_a_tablet_has_targets_for_fingers_and_a_wall_is_read_from_afar(panel, open_page):
+    def choose(view, width, height):
+        page.resize(width, height)
+        page.evaluate("(() => { const choice = document.querySelector('#view-choice'); choice.value = %s; "
+                      "choice.dispatchEvent(new Event('change')); })()" % json.dumps(view))
+    page = open_page()
+    choose("tablet", 1024, 768)
+    page.click("#drawer-bar > button")
+    for tab in ("jog", "move", "run", "io", "setup"):
+        page.click("#tab-" + tab)
+        small = page.evaluate("""[...document.querySelectorAll('button, select, input')].filter((one) => {
+            const { width, height } = one.getBoundingClientRect();
+            return one.checkVisibility() && (width < 47.9 || height < 47.9);
+        }).map((one) => one.outerHTML)""")
+        assert not small, (tab, small)
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), tab
+    page.load_again()
+    page.until("document.documentElement.dataset.view === 'tablet' && !document.querySelector('#drawer-body').hidden")
+    choose("wall", 1920, 1080)
+    sizes = page.evaluate("[...document.querySelectorAll('#wall dd, #line-said')].map("
+                          "(one) => parseFloat(getComputedStyle(one).fontSize) * Number(one.checkVisibility()))")
+    assert len(sizes) == 6 and min(sizes) >= 48, sizes
+    assert page.evaluate("!document.querySelector('#doing').checkVisibility()") and page.evaluate(
+        "document.documentElement.scrollHeight <= innerHeight")
 
 
 def test_the_language_and_the_colours_can_be_changed_while_it_runs(panel, open_page):
     page = open_page()
     page.click("#language")
     page.until_text("#stop", "停止")
-    page.until_text("[data-state=power]", "驱动电源")
+    page.until_text("[data-state=power]", "上电状态")
     page.click("#theme")
     page.until("document.documentElement.dataset.theme === 'dark'")
     page.load_again()
@@ -168,6 +240,13 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
     panel.wave = 0.3
     page = open_page()
     page.until("document.querySelectorAll('#plots canvas').length === 3")
+    assert not panel.sent("history"), "nobody has looked at plots yet"
+    page.click("#drawer-bar > button")
+    page.until("document.querySelector('#plots canvas').checkVisibility()")
+    deadline = time.monotonic() + 30.0
+    while [one["what"] for one in panel.sent("history")][:3] != ["q", "dq", "e"]:
+        assert time.monotonic() < deadline, "they begin with what the server has kept"
+        time.sleep(0.02)  # between two looks
     page.click(".plot-bar > button")
     page.until_text(".plot-bar > button", "Go on")
     for span in (10, 120, 600):

@@ -81,7 +81,6 @@ def test_points_of_the_browser_are_offered_once_and_changes_of_others_are_shown(
 
 
 def test_a_list_of_motions_is_made_drawn_kept_and_run(panel, open_page):
-    panel.arms[0]["has"]["path"] = True
     panel.cell = {"points": {ARM: {"a": {"q": HOME}, "b <i>": {"q": HOME}}}}
     panel.answers["plan_list"] = lambda arguments: {"data": {
         "plan": "k7", "duration": 3.0, "start": HOME, "end": HOME, "path": [HOME, HOME], "t": [0.0, 3.0],

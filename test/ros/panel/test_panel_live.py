@@ -217,6 +217,7 @@ def test_each_setting_does_what_it_says(page, live, arm):
         assert distance_between(there, expected) < 2e-4 and rotation_angle_between(there, expected) < 1e-3, pose
     assert pose["q"] == pytest.approx(HOME, abs=1e-3) and (pose["tool_number"], pose["user_number"]) == (2, 1)
     ok("payload", tool=2, mass=0.5, centre=[0.0, 0.0, 0.05])
+    assert page.command("settings", arm)["data"]["payload"] == {"mass": 0.5, "centre": [0.0, 0.0, 0.05]}
     ok("user_frame", number=1, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
     ok("tool_frame", number=2, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
     ok("drag", on=True)

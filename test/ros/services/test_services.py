@@ -1,5 +1,6 @@
 """Each service on the running node: one good call through the real program, and a table of bad ones."""
 import contextlib
+import json
 import math
 
 import pytest
@@ -82,6 +83,7 @@ GOOD = [
     ("set_speed_slider", text(speed_slider_fraction=0.5), {"success": True, "message": "speed 50 %"}, lambda s: True),
     ("set_speed_slider", text(speed_slider_fraction=1.0), {"success": True}, lambda s: True),
     ("set_collisionlevel", text(is_enable="true", value=60), {"ret": 1}, lambda s: s["collision_level"] == 3),
+    ("get_settings", "", {"success": True}, lambda s: True),
     ("set_io", text(signal="digital", type=0, index=2, value=1.0), {"ret": 1}, lambda s: s["digital_outputs"][2] == 1),
     ("get_io", text(signal="digital", path=1, type=0, index=2), {"value": 1.0}, lambda s: True),
     ("zero_ftsensor", "", {"success": True, "message": "the force sensor reads zero"}, lambda s: True),
@@ -130,6 +132,18 @@ def test_a_good_call_of_every_service_through_the_real_program(arm):
         assert isinstance(answer, dict) and expected.items() <= answer.items(), (name, answer)
         assert eventually(lambda holds=holds: holds(arm.simulator.state())), (name, arm.simulator.state())
     assert arm.call("set_userframe", pose=[0.0] * 6, user_num=3).ret == 1
+
+
+def test_settings_are_told_as_the_controller_holds_them(arm):
+    assert arm.call("set_userframe", pose=[10.0, 0.0, 0.0, 0.0, 0.0, 0.5], user_num=4).ret == 1
+    assert arm.call("set_payload", tool_num=0, mass=1.25, xc=0.0, yc=-20.0, zc=40.0).ret == 1
+    assert arm.call("set_collisionlevel", is_enable=True, value=60).ret == 1
+    told = arm.call("get_settings")
+    held = json.loads(told.message)
+    assert told.success and (held["tool"], held["user_frame"], held["collision_level"]) == (0, 4, 3)
+    assert held["payload"] == {"mass": 1.25, "centre": [0.0, -0.02, 0.04]}
+    assert held["user_frames"][4] == {"p": [0.01, 0.0, 0.0], "r": [0.0, 0.0, 0.5]} and len(held["tools"]) > 4
+    assert arm.call("set_userframe", pose=[0.0] * 6, user_num=4).ret == 1
 
 
 def test_every_service_has_the_documented_type(arm):

@@ -37,7 +37,7 @@ def arm_info(name: str = ARM, **changed: Any) -> Dict[str, Any]:
                  "joints": joints,
                  "frames": {"base": "base_link", "flange": "tool0", "tool": "tool"},
                  "has": {"programs": True, "speed": True, "recover": True, "wrench": False, "trajectory": True,
-                         "zero_force": True},
+                         "zero_force": True, "path": True},
                  "simulator": True, "jog": {"joint": 0.5, "linear": 0.25, "angular": 0.5},
                  "description": "1"}, **changed)
 
@@ -82,7 +82,12 @@ class FakePanel:
         self.refusing = False
         self.received: List[Dict[str, Any]] = []
         self.stops: List[str] = []
-        self.answers: Dict[str, Callable[[Dict[str, Any]], Optional[Dict[str, Any]]]] = {}
+        pose = {"p": [0.4, 0.1, 0.2], "r": [0.0, 0.0, 0.0]}
+        self.answers: Dict[str, Callable[[Dict[str, Any]], Optional[Dict[str, Any]]]] = {
+            "present_pose": lambda arguments: {"data": {"q": list(HOME), "tool": pose, "flange": pose, "model": "zu7"}},
+            "teach_user_frame": lambda arguments: {"data": dict(pose, residual=None, turn=0.005)},
+            "cell_export": lambda arguments: {"data": {"text": "{}"}},
+            "cell_versions": lambda arguments: {"data": {"versions": [{"revision": 1, "saved": "", "by": ""}]}}}
         self.number = 0
         self._pages: Dict[str, web.WebSocketResponse] = {}
         self._holder: Optional[str] = None
@@ -127,7 +132,8 @@ class FakePanel:
         self.stops.append("http")
         while self.silent:
             await asyncio.sleep(0.01)
-        return web.json_response({"ok": request.headers.get("Authorization") == "Bearer " + TOKEN, "message": ""})
+        return web.json_response({"ok": self.may == "command" and request.headers.get(
+            "Authorization") == "Bearer " + TOKEN, "message": ""})
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
         if self.refusing:
@@ -169,7 +175,8 @@ class FakePanel:
             await self._send(socket, {"t": "pong", "clock": said["clock"]})
         elif kind == "stop":
             self.stops.append("socket")
-            await self._send(socket, {"t": "answer", "id": said["id"], "ok": True, "message": "stopped", "took": 0.001})
+            await self._send(socket, {"t": "answer", "id": said["id"], "ok": self.may == "command", "message": "",
+                                      "took": 0.001})
         elif kind == "take_control":
             free = self._holder in (None, page)
             if free:

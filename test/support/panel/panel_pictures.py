@@ -1,4 +1,4 @@
-"""Pictures of the panel's page: a real browser, on a server of the tests' own, at three sizes, in both languages.
+"""Pictures of the panel's page for desk, tablet and wall, in both languages: a real browser, and a server of the tests.
 
 An executable; the arguments are the folder (docs/pictures) and names of pictures. Look at them before they are kept.
 """
@@ -18,10 +18,10 @@ from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
 from jaka_ros_driver.kinematics.rotations import rotation_vector_from_matrix  # noqa: E402
 
-SIZES = {  # name: width, height, language, dark
-    "panel_desk_en": (1440, 900, "en-GB", False), "panel_tablet_zh": (1024, 768, "zh-CN", False),
-    "panel_wall_en": (1920, 1080, "en-GB", True), "panel_tablet_en": (1024, 768, "en-GB", True),
-    "panel_desk_zh": (1440, 900, "zh-CN", True), "panel_wall_zh": (1920, 1080, "zh-CN", False),
+SIZES = {  # name: width, height, language, dark, view
+    "panel_desk_en": (1440, 900, "en-GB", False, "desk"), "panel_tablet_zh": (1024, 768, "zh-CN", False, "tablet"),
+    "panel_wall_en": (1920, 1080, "en-GB", True, "wall"), "panel_tablet_en": (1024, 768, "en-GB", True, "tablet"),
+    "panel_desk_zh": (1440, 900, "zh-CN", True, "desk"), "panel_wall_zh": (1920, 1080, "zh-CN", False, "wall"),
 }
 QUALITY = 72
 JOINTS = [-0.5, 1.25, -1.6, 1.9, 1.5, 0.4]
@@ -47,16 +47,22 @@ def scene(panel):
     ]
 
 
-def take(browser, panel, path, width, height, language, dark):
-    page = browser.open(panel.url, width=width, height=height, language=language, dark=dark)
-    page.until("!document.body.classList.contains('stale')")
-    page.click("#control-button")
-    page.until("document.body.dataset.may === 'control'")
+def aim(page):
     page.click("#tab-move")
     page.until("document.querySelector('#panel-move input').value !== ''")
     page.type("#panel-move input", "15")
     page.until("document.querySelector('#panel-move .go').dataset.ready === 'true'")
     page.evaluate("scrollTo(0, 0); document.activeElement.blur(); true")
+
+
+def take(browser, panel, path, width, height, language, dark, view):
+    page = browser.open(panel.url.replace("/#", "/?view=%s#" % view), width=width, height=height, language=language,
+                        dark=dark)
+    page.until("!document.body.classList.contains('stale')")
+    page.click("#control-button")
+    page.until("document.body.dataset.may === 'control'")
+    if view != "wall":
+        aim(page)
     page.evaluate("document.querySelector('#toasts').replaceChildren()")
     time.sleep(3.0)
     page.picture(path, quality=QUALITY)

@@ -2,6 +2,7 @@
 
 Poses of pages are x, y, z, m, and a rotation vector, rad.
 """
+import json
 import math
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
@@ -237,6 +238,13 @@ def _zones(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return done._replace(data=yaml.safe_load(response.yaml)) if done.ok else done
 
 
+def _settings(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+    if not driver.offers("get_settings"):
+        raise WrongRequest("this driver does not offer get_settings, which reads them")
+    done = _told(_call(driver, "get_settings", "std_srvs/Trigger"))
+    return CallResult(True, "", json.loads(done.message)) if done.ok else done
+
+
 REQUESTS: Dict[str, Request] = {
     "power": Request(_switch("power"), LONG_S), "enable": Request(_switch("enable"), LONG_S),
     "drag": Request(_switch("drag_mode")), "recover": Request(_trigger("recover"), LONG_S),
@@ -244,7 +252,8 @@ REQUESTS: Dict[str, Request] = {
     "resume": Request(_trigger("resume"), is_motion=True), "zero_force": Request(_trigger("zero_ftsensor")),
     "speed": Request(_speed), "set_output": Request(_set_output), "get_io": Request(_get_io, needs_control=False),
     "tool_frame": Request(_tool_frame), "user_frame": Request(_user_frame), "payload": Request(_payload),
-    "collision": Request(_collision), "joint_move": Request(_joint_move, MOTION_S, is_motion=True),
+    "collision": Request(_collision), "settings": Request(_settings, needs_control=False),
+    "joint_move": Request(_joint_move, MOTION_S, is_motion=True),
     "linear_move": Request(_linear_move, MOTION_S, is_motion=True), "fk": Request(_fk, needs_control=False),
     "ik": Request(_ik, needs_control=False), "program_load": Request(_program_load),
     "zones": Request(_zones, needs_control=False),

@@ -4,7 +4,7 @@ Each returns a sentence for the user, which also says what else was changed.
 """
 import logging
 import math
-from typing import Any, Callable, Optional, Sequence, Type, Union
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -76,6 +76,38 @@ def set_collision_level(core: ArmCore, level: int) -> Procedure:
     told = yield from _compare(c.Query.COLLISION_LEVEL, "collision level",
                                lambda held: "" if held == level else "level %d, not %d" % (held, level))
     return ("collision detection off" if level == 0 else "collision level %d" % level) + told
+
+
+class HeldSettings(NamedTuple):
+    """The settings that the controller holds; None for what it does not tell.
+
+    Attributes:
+        tool_id: The active tool.
+        user_frame_id: The active user frame.
+        tools: Tool frames in the flange, by id.
+        user_frames: User frames in the base, by id.
+        payload: The load at the active tool.
+        collision_level: 0 (off) to 5.
+    """
+
+    tool_id: Optional[int]
+    user_frame_id: Optional[int]
+    tools: Optional[Tuple[c.Pose, ...]]
+    user_frames: Optional[Tuple[c.Pose, ...]]
+    payload: Optional[c.SetPayload]
+    collision_level: Optional[int]
+
+
+def held(core: ArmCore) -> Procedure:
+    """Ask the controller for its settings; return HeldSettings. Nothing is changed; raise as ``Ask`` does."""
+    answers: List[Any] = []
+    for query in (c.Query.TOOL_FRAMES, c.Query.USER_FRAMES, c.Query.PAYLOAD, c.Query.COLLISION_LEVEL):
+        try:
+            answers.append((yield Ask(query)))
+        except (CommandRejected, ProtocolError):
+            answers.append(None)
+    state = core.fresh_state((yield Now()))  # after the answers: what became active meanwhile counts
+    return HeldSettings(state.tool_id, state.user_frame_id, *answers)
 
 
 def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:

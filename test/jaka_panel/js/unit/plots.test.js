@@ -36,6 +36,18 @@ test('the server’s history becomes the same kind of picture', () => {
   assert.deepEqual(rows[1], [10, 20, null, null]);
 });
 
+test('what was before the page came stands in front, and nothing twice', () => {
+  const samples = new Samples();
+  for (const time of [10, 11, 12]) samples.add(time, row(time));
+  const flat = (/** @type {(number|null)[]} */ times) => [times, ...Array.from({ length: 6 }, () => times)];
+  samples.precede(flat([7, 8, 9, 10, 11]));
+  assert.deepEqual(samples.picture(0, 20, 100)[0], [7, 8, 9, 10, 11, 12]);
+  assert.deepEqual(samples.picture(0, 20, 100)[1], [7, 8, 9, 10, 11, 12]);
+  const none = new Samples();
+  none.precede(flat([1, 2]));
+  assert.equal(none.count, 2);
+});
+
 test('marks of the time axis are at round distances from the newest moment', () => {
   const ticks = timeTicks(70.3, 100.3, 5, 100.3);
   assert.deepEqual(ticks.map((tick) => Math.round((tick - 100.3) * 1e6) / 1e6), [-30, -25, -20, -15, -10, -5, 0]);

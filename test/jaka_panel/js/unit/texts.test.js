@@ -36,7 +36,8 @@ test('every key that the page names has a text, and every text is used', () => {
   assert.ok(named.length > 100, String(named.length));
   assert.deepEqual(named.filter((key) => !(key in en)), []);
   const made = ['tab', 'state.name', 'motion', 'level', 'source', 'diagnostics', 'cmd', 'jog.space', 'jog.step', 'jog.end', 'may', 'plots',
-    'view', 'io.bank', 'setup', 'program', 'sim.fault', 'move.kind', 'link', 'teach.point', 'cell.kept', 'list.kind', 'list.value'];
+    'view', 'io.bank', 'setup', 'program', 'sim.fault', 'move.kind', 'link', 'line', 'owner', 'wall', 'size', 'io.extent',
+    'teach.point', 'cell.kept', 'list.kind', 'list.value'];
   assert.deepEqual(Object.keys(en).filter((key) => !all.includes(`'${key}'`) && !all.includes(`"${key}"`)
     && !made.some((start) => key.startsWith(`${start}.`))), []);
 });
@@ -48,7 +49,7 @@ test('the language is the one that was chosen, else the browser’s, else Englis
   assert.equal(firstLanguage(null, ['de']), 'en');
   chooseLanguage('zh');
   assert.equal(translate('state.on'), '开');
-  assert.equal(translate('age.fresh', { ms: 5 }), '实时，延迟 5 毫秒');
+  assert.equal(translate('age.fresh', { ms: 5 }), '实时，5 毫秒前');
   assert.equal(translate('no.such.key'), 'no.such.key');
   chooseLanguage('en');
 });

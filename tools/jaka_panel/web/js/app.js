@@ -2,12 +2,15 @@
 import { Connection } from './link/connection.js';
 import { Store } from './link/store.js';
 import { takeToken } from './link/token.js';
-import { byId, h, retranslate, setAttribute, setText } from './ui/dom.js';
+import { byId, h, retranslate, setText } from './ui/dom.js';
 import { chooseLanguage, currentLanguage, firstLanguage, isKnown, languages, translate } from './ui/i18n.js';
+import { mountDrawer } from './ui/drawer.js';
+import { mountView } from './ui/size.js';
 import { makeTabs } from './ui/tabs.js';
 import { chooseTheme, isDark, keptTheme } from './ui/theme.js';
 import { toast } from './ui/toast.js';
 import { guardControls, mountArmChoice, mountControl } from './control/control.js';
+import { Offers } from './control/offers.js';
 import { mountStop } from './control/stop.js';
 import { Cell } from './cell/cell.js';
 import { mountCell } from './cell/data.js';
@@ -21,10 +24,12 @@ import { mountSetup } from './do/setup.js';
 import { mountJog } from './jog/jog.js';
 import { mountPlots } from './plots/plots.js';
 import { mountSimulator } from './simulator/simulator.js';
-import { mountAlarms, mountCalls, mountDiagnostics } from './state/events.js';
+import { mountLine } from './state/can_move.js';
+import { makeNews, mountAlarms, mountCalls, mountDiagnostics } from './state/events.js';
 import { mountJoints } from './state/joints.js';
 import { mountLinkLoss } from './state/link_loss.js';
 import { mountStatus } from './state/status.js';
+import { mountWall } from './state/wall.js';
 import { mountTool } from './state/tool.js';
 import { mountArmView } from './view/arm_view.js';
 
@@ -73,6 +78,9 @@ export class App {
     /** @type {(() => void)[]} */
     this.late = [];
     this.isDirty = false;
+    this.offers = new Offers(this);
+    /** What is drawn and waits for its button. @type {'move'|'run'|null} */
+    this.offer = null;
     const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
     this.connection = new Connection({
       url: `${scheme}://${location.host}/ws`, token: takeToken(location, history, storageOf('sessionStorage')), name: pageName(),
@@ -125,10 +133,9 @@ export class App {
     this.late.push(call);
   }
 
+  /** Shows what may be pressed of elements that were made just now. */
   lockControls() {
-    for (const element of document.querySelectorAll('.needs-control')) {
-      setAttribute(element, 'aria-disabled', this.store.hasControl() ? null : 'true');
-    }
+    this.offers.lockAll();
   }
 
   /**
@@ -141,16 +148,22 @@ export class App {
 
   /**
    * @param {string} key
+   * @param {Record<string, string|number>} [values]
    * @returns {string} In the page's language, now.
    */
-  say(key) {
-    return translate(key);
+  say(key, values) {
+    return translate(key, values);
   }
 
-  /** @returns {boolean} Whether this page may command; says how to get there where it may not. */
-  mayCommand() {
-    if (this.store.hasControl()) return true;
-    toast(this.store.welcome?.may === 'command' ? 'control.take_first' : 'control.may_not', 'bad');
+  /**
+   * @param {string} [button] Its name in state/line.js.
+   * @returns {boolean} Whether this may be done now; says what stands against it where it may not.
+   */
+  mayDo(button = 'command') {
+    const reason = this.offers.against(button);
+    if (!reason) return true;
+    toast(reason, 'bad');
+    if (!reason.startsWith('control.')) return false;
     byId('control').classList.add('look-here');
     setTimeout(() => byId('control').classList.remove('look-here'), 1500);
     return false;
@@ -177,7 +190,7 @@ export class App {
    * @returns {Promise<Answer>}
    */
   async command(cmd, args = {}, options = {}) {
-    if (!this.mayCommand()) return { ok: false, message: '' };
+    if (!this.mayDo()) return { ok: false, message: '' };
     const arm = options.arm === undefined ? this.store.chosen : options.arm;
     const answer = await this.connection.request({ t: 'cmd', arm, cmd, args });
     const about = options.about ?? `cmd.${cmd}`;
@@ -219,13 +232,17 @@ function start() {
   mountStop(app);
   mountLinkLoss(app);
   mountControl(app);
+  mountLine(app);
   mountArmChoice(app);
   mountStatus(byId('status'), app);
   mountTool(byId('tool'), app);
   mountJoints(byId('joints'), app);
   app.preview = mountArmView(byId('view'), app);
   mountArmBar(byId('arm-bar'), app);
-  const doing = makeTabs(byId('doing'), ['jog', 'move', 'run', 'io', 'setup', 'teach', 'cell', 'simulator'], 'tabs.do', () => app.hold?.end('not seen'));
+  const doing = makeTabs(byId('doing'), ['jog', 'move', 'run', 'io', 'setup', 'teach', 'cell', 'simulator'], 'tabs.do', (name) => {
+    app.hold?.end('not seen');
+    app.store.tell('tab', name);
+  });
   mountJog(doing.panels.jog, app);
   mountMove(doing.panels.move, app);
   mountRun(doing.panels.run, app);
@@ -241,9 +258,13 @@ function start() {
   mountAlarms(seeing.panels.alarms, app);
   mountCalls(seeing.panels.calls, app);
   mountDiagnostics(seeing.panels.diagnostics, app);
+  mountWall(byId('wall'), app);
+  mountDrawer(app.local, seeing.row, makeNews(app));
+  mountView(app.local);
   mountSwitches(app);
   app.store.on('chosen', () => app.watch());
   for (const call of app.late) call();
+  app.offers.start();
   app.connection.start();
   const noscript = h('span', { hidden: true, id: 'mounted' });
   document.body.append(noscript);

@@ -1,9 +1,8 @@
 /** The cell's data as a whole: what is kept, the file, its export, import and versions of before. */
 import { h, replaceText, setText } from '../ui/dom.js';
 import { DEGREES, fixed, rpyFromRotationVector } from '../ui/format.js';
-import { numberField } from '../ui/field.js';
+import { numberField, readAll } from '../ui/field.js';
 import { toast } from '../ui/toast.js';
-import { readAll } from '../do/setup.js';
 import { makeLayout, makeNames } from './names.js';
 import { twiceButton } from './twice.js';
 
@@ -84,7 +83,7 @@ function makeFrames(app) {
         rpyFromRotationVector(entry.r).map((value) => fixed(value * DEGREES, 1)).join(' / ')} °${
         entry.residual === undefined || entry.residual === null ? '' : `, ± ${fixed(entry.residual * MM, 2)} mm`}`),
       entry.number ? twiceButton('teach.set', 'teach.set_sure', () => app.command(section === 'user_frames' ? 'user_frame' : 'tool_frame',
-        { number: entry.number, p: entry.p, r: entry.r }), { needsControl: true, values: () => ({ number: entry.number }) }) : null,
+        { number: entry.number, p: entry.p, r: entry.r }), { needs: 'setting', values: () => ({ number: entry.number }) }) : null,
       removeButton(app, section, name))));
     app.store.on('cell-data chosen', () => {
       draw();
@@ -133,7 +132,7 @@ function makePayloads(app) {
     h('span', { class: 'point-name' }, one),
     h('span', { class: 'second' }, `${fixed(entry.mass, 2)} kg, ${entry.centre.map((/** @type {number} */ value) => fixed(value * MM, 1)).join(' / ')} mm`),
     entry.tool ? twiceButton('teach.set', 'cell.payload_sure', () => app.command('payload',
-      { tool: entry.tool, mass: entry.mass, centre: entry.centre }), { needsControl: true, values: () => ({ number: entry.tool }) }) : null,
+      { tool: entry.tool, mass: entry.mass, centre: entry.centre }), { needs: 'setting', values: () => ({ number: entry.tool }) }) : null,
     removeButton(app, 'payloads', one))));
   app.store.on('cell-data chosen', () => {
     draw();

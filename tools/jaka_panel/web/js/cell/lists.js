@@ -1,10 +1,9 @@
 /** Lists of motions: made of stored points, waits and outputs; drawn first, then run by the number of what was drawn. */
 import { h, setText } from '../ui/dom.js';
 import { DEGREES, fixed } from '../ui/format.js';
-import { actionButton, numberField } from '../ui/field.js';
+import { actionButton, numberField, readAll } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
 import { toast } from '../ui/toast.js';
-import { readAll } from '../do/setup.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -178,7 +177,7 @@ export function makeListRun(app, take) {
     }
     const answer = await app.command('plan_list', { steps }, { quiet: true });
     take(answer.ok ? answer.data : null);
-  });
+  }, { 'data-needs': 'plan' });
 
   const card = h('section', { class: 'card', id: 'list-run' }, h('h3', { t: 'list.title' }), h('p', { class: 'hint', t: 'list.hint' }),
     h('div', { class: 'buttons' }, h('label', { for: choose.id, t: 'list.title' }), choose, remove), list,

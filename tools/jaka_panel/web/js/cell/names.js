@@ -1,8 +1,7 @@
 /** Names of inputs and outputs, and the layout of the page, as the cell keeps them for all pages. */
 import { h, setText } from '../ui/dom.js';
-import { numberField } from '../ui/field.js';
+import { numberField, readAll } from '../ui/field.js';
 import { toast } from '../ui/toast.js';
-import { readAll } from '../do/setup.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */

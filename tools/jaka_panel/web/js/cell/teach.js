@@ -1,9 +1,9 @@
 /** Teaching: a user frame by three points, the tip of a tool by four poses; both with their error, kept for the cell. */
 import { h, setText } from '../ui/dom.js';
 import { DEGREES, fixed, rpyFromRotationVector } from '../ui/format.js';
-import { actionButton, numberField } from '../ui/field.js';
+import { numberField, readAll } from '../ui/field.js';
 import { toast } from '../ui/toast.js';
-import { readAll } from '../do/setup.js';
+import { guideButton } from '../do/setup.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -39,10 +39,7 @@ export function mountTeach(root, app) {
 
 /** @param {App} app */
 function makeGuiding(app) {
-  const isOn = () => app.store.record().state?.hand_guiding === true;
-  const guide = actionButton('setup.guiding_on', () => app.command('drag', { on: !isOn() }));
-  app.onFrame(() => setText(guide, isOn() ? 'setup.guiding_off' : 'setup.guiding_on'));
-  return h('section', { class: 'card' }, h('p', { class: 'hint', t: 'teach.hint' }), h('div', { class: 'buttons' }, guide));
+  return h('section', { class: 'card' }, h('p', { class: 'hint', t: 'teach.hint' }), h('div', { class: 'buttons' }, guideButton(app)));
 }
 
 /**
@@ -85,7 +82,7 @@ function makeResult(app, { section, cmd, highest }) {
     const [chosen] = readAll([number]) ?? [];
     if (!entry || chosen === undefined) return;
     await app.command(cmd, { number: Math.round(chosen), p: entry.p, r: entry.r });
-  }, { needsControl: true, values: () => ({ number: number.input.value }) });
+  }, { needs: 'setting', values: () => ({ number: number.input.value }) });
   const element = h('div', { hidden: true }, said, error,
     h('div', { class: 'buttons' }, h('label', { for: name.id, t: 'points.name' }), name, keep),
     h('div', { class: 'buttons' }, number.element, set));

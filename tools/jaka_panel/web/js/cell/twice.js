@@ -7,15 +7,16 @@ const ASKED_MS = 6000;
  * @param {string} label Key of its text.
  * @param {string} question Key of the text that asks.
  * @param {() => Promise<any>} act
- * @param {{values?: () => Record<string, string|number>, needsControl?: boolean}} [options] `values`: for the question.
+ * @param {{values?: () => Record<string, string|number>, needs?: string}} [options] `values`: for the question;
+ *   `needs`: its name in state/line.js, where it is a command to the arm.
  * @returns {HTMLButtonElement}
  */
-export function twiceButton(label, question, act, { values = () => ({}), needsControl = false } = {}) {
+export function twiceButton(label, question, act, { values = () => ({}), needs = '' } = {}) {
   let isAsked = false;
   /** @type {any} */
   let timer = null;
   const button = /** @type {HTMLButtonElement} */ (h('button', { type: 'button', t: label,
-    class: needsControl ? 'needs-control' : null, on: { click: () => void press() } }));
+    class: needs ? 'needs-control' : null, 'data-needs': needs || null, on: { click: () => void press() } }));
 
   function rest() {
     clearTimeout(timer);

@@ -1,10 +1,8 @@
 /** Who may command: what this page may do, who holds control, and the question when another page asks for it. */
-import { byId, h, replaceText, setAttribute, setText } from '../ui/dom.js';
+import { byId, h, replaceText, setText } from '../ui/dom.js';
 import { toast } from '../ui/toast.js';
 
 /** @typedef {import('../app.js').App} App */
-
-const LOCKED = 'aria-disabled';
 
 /** @param {App} app */
 export function mountControl(app) {
@@ -13,7 +11,7 @@ export function mountControl(app) {
   const button = byId('control-button');
   const question = byId('take-over');
   const questionText = h('p', { id: 'take-over-text' });
-  const give = h('button', { type: 'button', class: 'primary', t: 'control.give',
+  const give = h('button', { type: 'button', t: 'control.give',
     on: { click: () => connection.write({ t: 'answer_control', give: true }) } });
   const keep = h('button', { type: 'button', t: 'control.keep',
     on: { click: () => connection.write({ t: 'answer_control', give: false }) } });
@@ -47,12 +45,8 @@ export function mountControl(app) {
     else setText(said, 'control.nobody');
     setText(button, you ? 'control.release' : (holder ? 'control.ask' : 'control.take'));
     button.hidden = !may;
-    button.classList.toggle('primary', may && !you);
     if (you || !asked) isAsking = isAsking && Boolean(asked);
     showQuestion(you, asked);
-    for (const element of document.querySelectorAll('.needs-control')) {
-      setAttribute(element, LOCKED, store.hasControl() ? null : 'true');
-    }
   }
 
   /**
@@ -88,7 +82,7 @@ export function mountControl(app) {
 }
 
 /**
- * Keeps what needs control from acting while this page has none, and says how to get it.
+ * Keeps what may not be pressed now from acting, and says why.
  *
  * @param {App} app
  */
@@ -96,10 +90,11 @@ export function guardControls(app) {
   /** @param {Event} event */
   const guard = (event) => {
     const target = event.target instanceof Element ? event.target.closest('.needs-control') : null;
-    if (!target || app.store.hasControl()) return;
+    const button = target?.getAttribute('data-needs') ?? 'command';
+    if (!target || !app.offers.against(button)) return;
     event.preventDefault();
     event.stopPropagation();
-    if (event.type !== 'pointerdown') app.mayCommand();
+    app.mayDo(button);
   };
   for (const kind of ['click', 'change', 'input', 'submit']) window.addEventListener(kind, guard, { capture: true });
 }

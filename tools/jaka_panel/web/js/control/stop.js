@@ -3,7 +3,7 @@
  * and Escape stops. It needs no control, and goes by HTTP, too, where the WebSocket does not answer. The page says that
  * the arm rests when the arm's own states show it, and after a second without that to use the emergency stop button.
  */
-import { byId, setText } from '../ui/dom.js';
+import { byId, setAttribute, setText } from '../ui/dom.js';
 import { toast } from '../ui/toast.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -66,6 +66,20 @@ export function mountStop(app) {
     });
   }
 
+  /** @returns {boolean} Whether the server refuses stops of this page, which has no token that counts. */
+  function isRefused() {
+    const { welcome } = app.store;
+    return welcome?.may === 'watch' && welcome.why !== 'read-only';
+  }
+
+  /** STOP looks like what it is: on a page without the token, a button that stops nothing. */
+  function showAbility() {
+    const isWithout = isRefused();
+    button.classList.toggle('unable', isWithout);
+    setAttribute(button, 'aria-disabled', isWithout ? 'true' : null);
+    if (presses === 0) setText(said, isWithout ? 'stop.unable' : 'stop.hint');
+  }
+
   /** @param {string} key @param {boolean} isBad */
   function say(key, isBad) {
     setText(said, key);
@@ -78,11 +92,11 @@ export function mountStop(app) {
     isConfirmed = false;
     app.hold?.end('stopped');
     button.classList.add('pressed');
-    say('stop.sent', false);
+    say(isRefused() ? 'stop.no_token' : 'stop.sent', isRefused());  // and tried all the same
     setTimeout(() => {
       if (press !== presses || isConfirmed) return;
       button.classList.remove('pressed');
-      say('stop.unconfirmed', true);
+      say(isRefused() ? 'stop.no_token' : 'stop.unconfirmed', true);
     }, CONFIRM_S * 1000);
     const answer = await served();
     if (press !== presses) return;
@@ -91,10 +105,11 @@ export function mountStop(app) {
       servedAt = app.connection.serverNow;
       return;
     }
-    say('stop.unconfirmed', true);
+    say(isRefused() ? 'stop.no_token' : 'stop.unconfirmed', true);
     toast(answer.message || 'stop.failed', 'bad', 'stop.label');
   }
 
+  app.store.on('welcome', showAbility);
   app.store.on('state', (state) => {
     if (state.arm !== app.store.chosen || !app.store.rests()) return;
     if (!(state.now - state.age > servedAt)) return;  // a sample of before the stop says nothing

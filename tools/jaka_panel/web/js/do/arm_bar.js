@@ -5,6 +5,17 @@ import { actionButton } from '../ui/field.js';
 /** @typedef {import('../app.js').App} App */
 
 /**
+ * A button that may lead on: then it stands out.
+ *
+ * @param {string} label Key of its text.
+ * @param {string} needs Its name in state/line.js.
+ * @param {() => Promise<any>} act
+ */
+function leading(label, needs, act) {
+  return actionButton(label, act, { 'data-needs': needs, 'data-leads': '' });
+}
+
+/**
  * @param {HTMLElement} root
  * @param {App} app
  */
@@ -12,14 +23,14 @@ export function mountArmBar(root, app) {
   const { store } = app;
   const isPowered = () => store.record().state?.robot?.power === 1;
   const isEnabled = () => store.record().state?.enabled === true;
-  const power = actionButton('do.power_on', () => app.command('power', { on: !isPowered() }));
-  const enable = actionButton('do.enable', () => app.command('enable', { on: !isEnabled() }));
-  const recover = actionButton('do.recover', () => app.command('recover'), { class: 'needs-control', 'data-t-title': 'do.recover.hint' });
-  const clear = actionButton('do.clear_err', () => app.command('clear_err'));
-  const pause = actionButton('do.pause', () => app.command('pause'));
-  const resume = actionButton('do.resume', () => app.command('resume'));
+  const power = leading('do.power_on', 'power_on', () => app.command('power', { on: !isPowered() }));
+  const enable = leading('do.enable', 'enable', () => app.command('enable', { on: !isEnabled() }));
+  const recover = leading('do.recover', 'recover', () => app.command('recover'));
+  const clear = leading('do.clear_err', 'clear_err', () => app.command('clear_err'));
+  const pause = leading('do.pause', 'pause', () => app.command('pause'));
+  const resume = leading('do.resume', 'resume', () => app.command('resume'));
   const slider = /** @type {HTMLInputElement} */ (h('input', { type: 'range', min: 1, max: 100, step: 1, value: 100,
-    id: 'speed-slider', class: 'needs-control' }));
+    id: 'speed-slider', class: 'needs-control', 'data-needs': 'speed' }));
   const speed = h('output', { for: 'speed-slider' }, '–');
   let isSliding = false;
 
@@ -37,13 +48,23 @@ export function mountArmBar(root, app) {
   const speedField = h('div', { class: 'field wide' }, h('label', { for: 'speed-slider', t: 'do.speed' }), slider, speed);
   root.append(h('div', { class: 'buttons' }, power, enable, recover, clear, pause, resume), speedField);
 
+  /**
+   * A button of two states, which does the other one.
+   *
+   * @param {HTMLElement} button
+   * @param {string} label Key of its text.
+   */
+  function turn(button, label) {
+    setText(button, label);
+    const name = label.slice(3);
+    if (button.getAttribute('data-needs') === name) return;
+    button.setAttribute('data-needs', name);
+    app.offers.lock(button);
+  }
+
   app.onFrame((state) => {
-    setText(power, isPowered() ? 'do.power_off' : 'do.power_on');
-    setText(enable, isEnabled() ? 'do.disable' : 'do.enable');
-    enable.classList.toggle('primary', isPowered() && !isEnabled());
-    power.classList.toggle('primary', state?.robot?.power === 0);
-    const { in_error: inError, e_stopped: isStopped } = state?.status ?? {};
-    recover.classList.toggle('primary', Boolean(inError) && !isStopped);
+    turn(power, isPowered() ? 'do.power_off' : 'do.power_on');
+    turn(enable, isEnabled() ? 'do.disable' : 'do.enable');
     speedField.hidden = store.arm()?.has?.speed === false;
     recover.hidden = store.arm()?.has?.recover === false;
     if (!isSliding && state && state.speed !== null && state.speed !== undefined) {

@@ -4,10 +4,10 @@
  */
 import { h, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES, rotationVectorFromRpy, rpyFromRotationVector } from '../ui/format.js';
-import { actionButton, numberField } from '../ui/field.js';
+import { actionButton, numberField, readAll } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
 import { toast } from '../ui/toast.js';
-import { poseFields, readAll } from './setup.js';
+import { poseFields } from './setup.js';
 
 /** @typedef {import('../app.js').App} App */
 
@@ -67,7 +67,7 @@ export function mountMove(root, app) {
     if (target !== sent) return;  // the next target was typed meanwhile: it stays
     setText(said, answer.ok ? 'move.arrived' : 'move.ended');
     if (answer.ok) clear(false);
-  }, { class: 'needs-control go' });
+  }, { class: 'needs-control go', 'data-needs': 'move', 'data-leads': '' });
   const here = h('button', { type: 'button', t: 'move.from_arm', on: { click: () => {
     clear();
     fromArm();
@@ -134,7 +134,8 @@ export function mountMove(root, app) {
   }
 
   function showGo() {
-    go.classList.toggle('primary', target !== null);
+    app.offer = target !== null ? 'move' : (app.offer === 'move' ? null : app.offer);
+    app.offers.look();
     setAttribute(go, 'data-ready', String(target !== null));
   }
 

@@ -1,10 +1,10 @@
 /** Runs of more than one motion: through stored points, again what a log holds, and programs of the controller. */
 import { h, replaceText, setText } from '../ui/dom.js';
 import { DEGREES, fixed } from '../ui/format.js';
-import { actionButton, numberField } from '../ui/field.js';
+import { actionButton, numberField, readAll } from '../ui/field.js';
+import { sentenceOf } from '../ui/errors.js';
 import { toast } from '../ui/toast.js';
 import { timedPoints } from './points.js';
-import { readAll } from './setup.js';
 import { makeListRun } from '../cell/lists.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -40,7 +40,7 @@ function makeRunner(app) {
     app.preview.ghost(plan.start);
     await app.command('joint_move', { q: plan.start, speed: TO_START });
     app.preview.ghost(null);
-  });
+  }, { 'data-needs': 'move' });
   const run = actionButton('run.run', async () => {
     if (!plan) {
       toast('run.none', 'bad');
@@ -48,8 +48,8 @@ function makeRunner(app) {
     }
     setText(said, 'run.under_way');
     const answer = await app.command('plan_run', { plan: plan.plan });
-    setText(said, answer.ok ? 'run.done' : 'run.ended', { why: answer.message });
-  }, { class: 'needs-control go' });
+    setText(said, answer.ok ? 'run.done' : 'run.ended', { why: sentenceOf(answer.message) });
+  }, { class: 'needs-control go', 'data-needs': 'run', 'data-leads': '' });
   const drop = h('button', { type: 'button', t: 'move.drop', on: { click: () => take(null) } });
 
   /** @param {Plan|null} next */
@@ -60,7 +60,8 @@ function makeRunner(app) {
     warnings.replaceChildren(...(plan?.warnings ?? []).map((text) => h('li', {}, text)));
     if (plan) setText(said, 'run.planned', { s: fixed(plan.duration, 1) });
     else setText(said, 'run.none');
-    run.classList.toggle('primary', plan !== null);
+    app.offer = plan ? 'run' : (app.offer === 'run' ? null : app.offer);
+    app.offers.look();
   }
 
   app.store.on('chosen', () => take(null));
@@ -109,7 +110,7 @@ function makePointRun(app, take) {
     const joints = way.map((name) => /** @type {number[]} */ (all.find((point) => point.name === name)?.q));
     const answer = await app.command('plan_points', { points: timedPoints([from, ...joints], value) }, { quiet: true });
     take(answer.ok ? answer.data : null);
-  });
+  }, { 'data-needs': 'plan' });
   const clear = h('button', { type: 'button', t: 'run.clear', on: { click: () => {
     way = [];
     draw();
@@ -139,7 +140,7 @@ function makeLogRun(app, take) {
     }
     const answer = await app.command('plan_log', { file: select.value, speed: value }, { quiet: true });
     take(answer.ok ? answer.data : null);
-  });
+  }, { 'data-needs': 'plan' });
 
   async function fill() {
     if (!store.welcome?.logs || store.welcome.may === 'watch') return;
@@ -161,8 +162,9 @@ function makePrograms(app) {
   const { store } = app;
   const name = /** @type {HTMLInputElement} */ (h('input', { type: 'text', id: 'program-name', maxlength: 100, autocomplete: 'off' }));
   const said = h('p', { class: 'said' });
-  const load = actionButton('program.load', () => app.command('program_load', { name: name.value }));
-  const buttons = ['play', 'pause', 'resume', 'stop'].map((what) => actionButton(`program.${what}`, () => app.command(`program_${what}`)));
+  const load = actionButton('program.load', () => app.command('program_load', { name: name.value }), { 'data-needs': 'program_load' });
+  const buttons = ['play', 'pause', 'resume', 'stop'].map((what) => actionButton(`program.${what}`, () => app.command(`program_${what}`),
+    { 'data-needs': `program_${what}`, 'data-leads': what === 'resume' ? '' : null }));
   const card = h('section', { class: 'card' }, h('h3', { t: 'program.title' }),
     h('div', { class: 'buttons' }, h('label', { for: 'program-name', t: 'program.name' }), name, load),
     h('div', { class: 'buttons' }, ...buttons), said);

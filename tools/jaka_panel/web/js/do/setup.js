@@ -1,33 +1,21 @@
-/** Settings of the arm: tool and user frame, payload, collision level, hand guiding, the force sensor's zero. */
+/** Settings of the arm: tool and user frame, payload, collision sensitivity, hand guiding, the force sensor's zero. */
 import { h, setText } from '../ui/dom.js';
-import { DEGREES, rotationVectorFromRpy } from '../ui/format.js';
+import { DEGREES, rotationVectorFromRpy, rpyFromRotationVector } from '../ui/format.js';
 import { actionButton, numberField } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
-import { toast } from '../ui/toast.js';
+import { HeldSettings, makeSetting } from './held.js';
+
+export { readAll } from '../ui/field.js';
 
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../ui/field.js').NumberField} NumberField */
 
-/**
- * Values of fields, or null, with the focus in the first one that holds no number.
- *
- * @param {NumberField[]} fields
- * @returns {number[]|null}
- */
-export function readAll(fields) {
-  const values = fields.map((field) => field.value());
-  const wrong = values.findIndex((value) => Number.isNaN(value));
-  if (wrong < 0) return values;
-  fields[wrong].input.setAttribute('aria-invalid', 'true');
-  fields[wrong].input.focus();
-  toast('field.wrong', 'bad');
-  return null;
-}
+const LEVELS = ['off', 'level1', 'level2', 'level3', 'level4'];
 
-/** @returns {NumberField[]} x, y, z in mm and roll, pitch, yaw in degrees. */
+/** @returns {NumberField[]} x, y, z in mm and roll, pitch, yaw in degrees; empty. */
 export function poseFields(/** @type {(() => void)|undefined} */ onChange) {
-  return [...['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: 1000, decimals: 2, value: 0, onChange })),
-    ...['Rx', 'Ry', 'Rz'].map((label) => numberField({ label, unit: '°', scale: DEGREES, decimals: 2, value: 0, onChange }))];
+  return [...['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: 1000, decimals: 2, onChange })),
+    ...['Rx', 'Ry', 'Rz'].map((label) => numberField({ label, unit: '°', scale: DEGREES, decimals: 2, onChange }))];
 }
 
 /**
@@ -35,58 +23,112 @@ export function poseFields(/** @type {(() => void)|undefined} */ onChange) {
  * @param {App} app
  */
 export function mountSetup(root, app) {
-  root.append(makeFrame(app, 'tool_frame', 11), makeFrame(app, 'user_frame', 10), makePayload(app), makeCollision(app),
-    makeGuiding(app));
+  const held = new HeldSettings(app);
+  const again = h('button', { type: 'button', t: 'setup.read', on: { click: () => void held.read() } });
+  const said = h('p', { class: 'hint', role: 'status' });
+  held.onChange((settings, message) => {
+    setText(said, settings ? 'setup.read_done' : (message ? 'setup.unread' : 'setup.not_read'), { why: message });
+  });
+  root.append(h('div', { class: 'buttons' }, again, said), h('div', { class: 'cards' },
+    makeFrame(app, held, 'tool_frame', 11), makeFrame(app, held, 'user_frame', 10), makePayload(app, held), makeCollision(app, held),
+    makeGuiding(app)));
 }
 
 /**
  * @param {App} app
+ * @param {HeldSettings} held
  * @param {'tool_frame'|'user_frame'} name
  * @param {number} highest
  */
-function makeFrame(app, name, highest) {
-  const number = numberField({ label: 'setup.number', unit: `1–${highest}`, decimals: 0, value: 1, low: 1, high: highest });
-  const pose = poseFields(undefined);
-  const set = actionButton('setup.apply', async () => {
-    const values = readAll([number, ...pose]);
-    if (!values) return;
-    await app.command(name, { number: Math.round(values[0]), p: values.slice(1, 4), r: rotationVectorFromRpy(values.slice(4)) });
+function makeFrame(app, held, name, highest) {
+  const isTool = name === 'tool_frame';
+  return makeSetting({
+    app, held, title: `setup.${name}`, fields: poseFields(undefined), low: 1, high: highest,
+    active: isTool ? 'tool' : 'user_frame',
+    read: (settings, number) => {
+      const frame = (isTool ? settings.tools : settings.user_frames)?.[number];
+      return frame ? [...frame.p, ...rpyFromRotationVector(frame.r)] : null;
+    },
+    write: (number, values) => app.command(name, { number, p: values.slice(0, 3), r: rotationVectorFromRpy(values.slice(3)) }),
   });
-  return h('section', { class: 'card' }, h('h3', { t: `setup.${name}` }), h('div', { class: 'fields' }, number.element,
-    ...pose.map((field) => field.element)), h('div', { class: 'buttons' }, set));
 }
 
-/** @param {App} app */
-function makePayload(app) {
-  const tool = numberField({ label: 'setup.number', unit: '1–11', decimals: 0, value: 1, low: 1, high: 11 });
-  const mass = numberField({ label: 'setup.mass', unit: 'kg', value: 0, low: 0, high: 100 });
-  const centre = ['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: 1000, value: 0 }));
-  const set = actionButton('setup.apply', async () => {
-    const values = readAll([tool, mass, ...centre]);
-    if (!values) return;
-    await app.command('payload', { tool: Math.round(values[0]), mass: values[1], centre: values.slice(2) });
+/**
+ * @param {App} app
+ * @param {HeldSettings} held
+ */
+function makePayload(app, held) {
+  const mass = numberField({ label: 'setup.mass', unit: 'kg', low: 0, high: 100 });
+  const centre = ['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: 1000 }));
+  return makeSetting({
+    app, held, title: 'setup.payload', fields: [mass, ...centre], low: 0, high: 11, active: 'tool',
+    read: (settings, number) => (settings.payload && settings.tool === number ? [settings.payload.mass, ...settings.payload.centre] : null),
+    write: (number, values) => app.command('payload', { tool: number, mass: values[0], centre: values.slice(1) }),
+    warning: (now, wanted) => (now && wanted[0] < now[0] ? 'setup.lighter' : null),
   });
-  return h('section', { class: 'card' }, h('h3', { t: 'setup.payload' }), h('div', { class: 'fields' }, tool.element, mass.element,
-    ...centre.map((field) => field.element)), h('div', { class: 'buttons' }, set));
 }
 
-/** @param {App} app */
-function makeCollision(app) {
-  const level = makeChoice('setup.collision', ['level1', 'level2', 'level3', 'level4', 'off'], 'setup.collision', () => {});
-  level.choose('level3');
-  const set = actionButton('setup.apply', () => app.command('collision', {
-    level: level.chosen() === 'off' ? 0 : Number(level.chosen().slice(-1)) }));
-  return h('section', { class: 'card' }, h('h3', { t: 'setup.collision' }), h('p', { class: 'hint', t: 'setup.collision.hint' }),
-    h('div', { class: 'buttons' }, level.element, set));
+/**
+ * @param {App} app
+ * @param {HeldSettings} held
+ */
+function makeCollision(app, held) {
+  const level = makeChoice('setup.collision', LEVELS, 'setup.collision', () => {});
+  const said = h('p', { class: 'said', role: 'status' });
+  const now = h('p', { class: 'hint' });
+  let isTouched = false;
+  level.element.addEventListener('click', () => {
+    isTouched = true;
+    setText(said, 'setup.unwritten');
+  });
+  level.choose('');
+  const set = actionButton('setup.apply', async () => {
+    const wanted = LEVELS.indexOf(level.chosen());
+    if (wanted < 0 || wanted === held.settings?.collision_level) {
+      setText(said, 'setup.nothing');
+      return;
+    }
+    const answer = await app.command('collision', { level: wanted });
+    if (!answer.ok) return;
+    isTouched = false;
+    await held.read();
+    const isSame = held.settings?.collision_level === wanted;
+    setText(said, isSame ? 'setup.written' : 'setup.differs');
+  }, { 'data-needs': 'sensitivity' });
+  held.onChange((settings) => {
+    const value = settings?.collision_level ?? null;
+    if (value === null) setText(now, 'setup.not_told');
+    else setText(now, 'setup.collision.now', { level: value === 0 ? app.say('setup.collision.off') : value });
+    if (!isTouched && value !== null) level.choose(LEVELS[value] ?? '');
+  });
+  return h('section', { class: 'card' }, h('h3', { t: 'setup.collision' }), h('p', { class: 'hint', t: 'setup.collision.hint' }), now,
+    h('div', { class: 'buttons' }, level.element, set), said);
+}
+
+/**
+ * The button that has the arm guided by hand, and ends that.
+ *
+ * @param {App} app
+ * @returns {HTMLElement}
+ */
+export function guideButton(app) {
+  const isOn = () => app.store.record().state?.hand_guiding === true;
+  const guide = actionButton('setup.guiding_on', () => app.command('drag', { on: !isOn() }), { 'data-needs': 'guiding_on' });
+  app.onFrame(() => {
+    setText(guide, isOn() ? 'setup.guiding_off' : 'setup.guiding_on');
+    const needs = isOn() ? 'guiding_off' : 'guiding_on';
+    if (guide.getAttribute('data-needs') === needs) return;
+    guide.setAttribute('data-needs', needs);
+    app.offers.lock(guide);
+  });
+  return guide;
 }
 
 /** @param {App} app */
 function makeGuiding(app) {
-  const isOn = () => app.store.record().state?.hand_guiding === true;
-  const guide = actionButton('setup.guiding_on', () => app.command('drag', { on: !isOn() }));
-  const zero = actionButton('setup.zero_force', () => app.command('zero_force'));
+  const guide = guideButton(app);
+  const zero = actionButton('setup.zero_force', () => app.command('zero_force'), { 'data-needs': 'zero_force' });
   app.onFrame((state) => {
-    setText(guide, isOn() ? 'setup.guiding_off' : 'setup.guiding_on');
     zero.hidden = !state?.wrench && app.store.arm()?.has?.zero_force !== true;
   });
   return h('section', { class: 'card' }, h('h3', { t: 'setup.guiding' }), h('p', { class: 'hint', t: 'setup.guiding.hint' }),

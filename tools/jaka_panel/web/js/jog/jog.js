@@ -2,6 +2,7 @@
 import { h, replaceText, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES, fixed } from '../ui/format.js';
 import { makeChoice } from '../ui/choice.js';
+import { sentenceOf } from '../ui/errors.js';
 import { toast } from '../ui/toast.js';
 import { Hold } from './hold.js';
 import { makeHoldButton } from './hold_button.js';
@@ -60,7 +61,7 @@ export function mountJog(root, app) {
   /** Says what the arm does, which is not what it was told. */
   function sayHeld() {
     const moves = store.moves();
-    if (stands && !moves) setText(said, 'jog.stands', { why: stands });
+    if (stands && !moves) setText(said, 'jog.stands', { why: sentenceOf(stands) });
     else setText(said, moves ? 'jog.moving' : 'jog.held', { axis });
     said.classList.toggle('bad', Boolean(stands) && !moves);
   }
@@ -70,13 +71,14 @@ export function mountJog(root, app) {
     const value = h('output', { class: 'axis-value' });
     /** @param {number} sign */
     const makeButton = (sign) => {
-      const button = h('button', { type: 'button', class: 'jog-button needs-control', 'data-axis': index,
-        'data-sign': sign }, sign > 0 ? '+' : '−');
+      const button = h('button', { type: 'button', class: 'jog-button needs-control', 'data-needs': 'jog',
+        'data-axis': index, 'data-sign': sign }, sign > 0 ? '+' : '−');
       makeHoldButton(button, () => press(index, sign), (why) => hold.end(why));
       return button;
     };
     const buttons = [makeButton(-1), makeButton(1)];
-    return { name, value, buttons, element: h('div', { class: 'jog-row' }, buttons[0], name, value, buttons[1]) };
+    const axisPart = h('div', { class: 'axis' }, name, value);
+    return { name, value, buttons, element: h('div', { class: 'jog-row' }, buttons[0], axisPart, buttons[1]) };
   });
 
   /**
@@ -85,7 +87,7 @@ export function mountJog(root, app) {
    * @returns {boolean}
    */
   function press(index, sign) {
-    if (!app.mayCommand()) return false;
+    if (!app.mayDo('jog')) return false;
     const { trip } = store.welcome?.jog ?? {};
     if (connection.isSlower(trip)) {
       toast('jog.slow', 'bad');
@@ -169,6 +171,15 @@ export function mountJog(root, app) {
     if (message.id !== 'jog' || message.arm !== store.chosen || message.state !== 'stopped' || !hold.isHeld) return;
     stands = message.reason;
     sayHeld();
+  });
+  /** Why there is no jog now, as it is said. */
+  let against = '';
+  store.on('line', (line) => {
+    if (hold.isHeld) return;
+    const before = against;
+    against = line.may.jog ?? '';
+    if (against) setText(said, against);
+    else if (before && said.getAttribute('data-t') === before) setText(said, 'jog.idle');
   });
   endWhenUnseen((why) => hold.end(why));
 }

@@ -16,7 +16,12 @@ const OWN_S = 110;
 const PERIOD_MS = 100;
 const HISTORY_MS = 2000;
 const PIECES = 300;
-const HEIGHT = 132;
+/** Heights that a chart can have, px. */
+const LOWEST = 90;
+const HIGHEST = 420;
+const UNFIXED = 132;
+/** Of its caption and the gaps around it, px. */
+const BESIDE = 34;
 
 /**
  * @param {HTMLElement} root
@@ -35,6 +40,8 @@ export function mountPlots(root, app) {
   let offset = -Infinity;
   let isSeen = true;
   let historyAt = 0;
+  /** Whether the plots have begun with what the server has kept. */
+  let isSeeded = false;
   const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
 
   const pause = h('button', { type: 'button', t: 'plots.pause', 'aria-pressed': 'false', on: { click: () => setPaused(!isPaused) } });
@@ -47,10 +54,11 @@ export function mountPlots(root, app) {
     const element = h('figure', {}, h('figcaption', {}, h('span', { t: `plots.${kind}` }), ` ${UNITS[kind]}`), place);
     return { kind, place, element, plot: /** @type {any} */ (null) };
   });
-  root.append(
-    h('div', { class: 'plot-bar' }, pause, h('div', { class: 'choice', role: 'group', tLabel: 'plots.span' }, ...spans),
-      h('div', { class: 'choice', role: 'group', tLabel: 'plots.joints' }, ...joints)),
-    ...charts.map((chart) => chart.element), h('p', { class: 'hint', t: 'plots.hint' }));
+  /** Height of each chart, px. */
+  let height = UNFIXED;
+  const bar = h('div', { class: 'plot-bar' }, pause, h('div', { class: 'choice', role: 'group', tLabel: 'plots.span' }, ...spans),
+    h('div', { class: 'choice', role: 'group', tLabel: 'plots.joints' }, ...joints), h('span', { class: 'hint', t: 'plots.hint' }));
+  root.append(bar, h('div', { class: 'charts' }, ...charts.map((chart) => chart.element)));
 
   /** @returns {number} Server's clock as far as the page knows, s. */
   const now = () => (Number.isFinite(offset) ? performance.now() / 1000 + offset : connection.serverNow);
@@ -91,7 +99,7 @@ export function mountPlots(root, app) {
     const newest = () => (isPaused ? pausedAt : now());
     let origin = 0;
     chart.plot = new uPlot({
-      width: Math.max(200, chart.place.clientWidth), height: HEIGHT, legend: { show: false },
+      width: Math.max(200, chart.place.clientWidth), height, legend: { show: false },
       cursor: { drag: { x: true, y: false }, sync: { key: 'panel' }, points: { show: false } },
       scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {number} */ low, /** @type {number} */ high) => widened(low, high) } },
       series: [{}, ...[1, 2, 3, 4, 5, 6].map((n) => ({ stroke: themeColour(`--joint-${n}`), width: 1.5, points: { show: false },
@@ -127,11 +135,23 @@ export function mountPlots(root, app) {
     const end = isPaused ? pausedAt : now();
     const [from, to] = zoomed ?? [end - span, end];
     const isOwn = now() - from < OWN_S;
+    if (!isSeeded && Number.isFinite(offset)) void seed();
     if (!isOwn) {
       void fetchHistory(from, to);
       return;
     }
     for (const { kind, plot } of charts) paint(plot, samples[kind].picture(from, to, PIECES), from, to);
+  }
+
+  /** Has the plots begin with what was before the page came: as soon as they are seen for the first time. */
+  async function seed() {
+    isSeeded = true;
+    const arm = store.chosen;
+    for (const kind of KINDS) {
+      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: PIECES, what: kind }, 5);
+      if (arm !== store.chosen) return;
+      if (answer.ok && answer.data?.s) samples[kind].precede(pictureOfHistory(answer.data, DEGREES));
+    }
   }
 
   /**
@@ -181,14 +201,19 @@ export function mountPlots(root, app) {
   });
   store.on('chosen welcome', () => {
     offset = -Infinity;
+    isSeeded = false;
     for (const kind of KINDS) samples[kind].clear();
     if (isPaused) setPaused(false);
   });
   rebuild();
   onThemeChange(rebuild);
+  const isFixed = matchMedia('(min-width: 1000px) and (min-height: 640px)');  // as in layout.css: else the charts make the height
   new ResizeObserver(() => {
+    if (!root.clientHeight) return;  // the drawer is closed
+    height = !isFixed.matches ? UNFIXED : Math.max(LOWEST, Math.min(HIGHEST, root.clientHeight - bar.offsetHeight - BESIDE));
     for (const { plot, place } of charts) {
-      if (place.clientWidth && Math.abs(plot.width - place.clientWidth) > 1) plot.setSize({ width: place.clientWidth, height: HEIGHT });
+      const width = place.clientWidth;
+      if (width && (Math.abs(plot.width - width) > 1 || plot.height !== height)) plot.setSize({ width, height });
     }
   }).observe(root);
   new IntersectionObserver(([entry]) => {

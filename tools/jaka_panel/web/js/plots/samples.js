@@ -41,6 +41,24 @@ export class Samples {
   }
 
   /**
+   * Puts what was before the first sample in front of it, as from the server's history.
+   *
+   * @param {(number|null)[][]} rows Times, s, which rise, then six rows of values.
+   */
+  precede([times, ...values]) {
+    const end = this.count ? this.timeAt(0) : Infinity;
+    const own = Array.from({ length: this.count }, (_, index) => {
+      const place = (this.first + index) % this.capacity;
+      return { time: this.times[place], values: this.values.map((row) => row[place]) };
+    });
+    this.clear();
+    times.forEach((time, index) => {
+      if (time !== null && time < end) this.add(time, values.map((row) => row[index]));
+    });
+    for (const sample of own) this.add(sample.time, sample.values);
+  }
+
+  /**
    * Index of the first sample that is not before a time.
    *
    * @param {number} time s

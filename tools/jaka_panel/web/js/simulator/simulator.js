@@ -1,7 +1,6 @@
 /** What a person at a simulated arm can do, and faults of its wire. Not there with a real controller. */
 import { h, replaceText, setText } from '../ui/dom.js';
-import { actionButton, numberField } from '../ui/field.js';
-import { readAll } from '../do/setup.js';
+import { actionButton, numberField, readAll } from '../ui/field.js';
 
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../ui/field.js').NumberField} NumberField */

@@ -1,6 +1,8 @@
 /** What happened, newest first: alarms and notes, service calls, and the diagnostics as they are. All of it is foreign text. */
 import { h, replaceText, setText } from '../ui/dom.js';
+import { sentenceOf } from '../ui/errors.js';
 import { fixed } from '../ui/format.js';
+import { standingAlarm } from './can_move.js';
 
 /** @typedef {import('../app.js').App} App */
 
@@ -58,7 +60,7 @@ export function mountAlarms(root, app) {
     const isOver = alarm.until !== null && alarm.until !== undefined;
     return h('li', { class: `event ${alarm.level}${isOver ? ' over' : ''}` },
       h('time', {}, timeOfDay(alarm.wall)), h('span', { class: 'level', t: `level.${alarm.level}` }),
-      alarm.code ? h('code', {}, alarm.code) : null, h('span', { class: 'event-text' }, alarm.text),
+      alarm.code ? h('code', {}, alarm.code) : null, h('span', { class: 'event-text' }, sentenceOf(alarm.text)),
       h('span', { class: 'source', t: `source.${alarm.source}` }));
   });
   const standing = document.getElementById('standing');
@@ -68,11 +70,10 @@ export function mountAlarms(root, app) {
     keep(alarms);
     list.hidden = alarms.length === 0;
     empty.hidden = alarms.length > 0;
-    const last = [...alarms].reverse().find((alarm) => alarm.level === 'error' && alarm.source === 'controller'
-      && (alarm.until === null || alarm.until === undefined));
+    const last = standingAlarm(alarms);
     if (!standing) return;
     standing.hidden = !last;
-    replaceText(standing, last ? `${last.code ? `${last.code} ` : ''}${last.text}` : '');
+    replaceText(standing, last ? `${last.code ? `${last.code} ` : ''}${sentenceOf(last.text)}` : '');
   }
 
   store.on('alarms alarm chosen welcome', show);
@@ -140,7 +141,7 @@ export function mountDiagnostics(root, app) {
       const name = LEVELS[status.level] ?? 'stale';
       setText(row.level, `diagnostics.${name}`);
       row.element.parentElement?.setAttribute('class', `event ${name}`);
-      replaceText(row.message, status.message);
+      replaceText(row.message, sentenceOf(status.message));
       const text = JSON.stringify(status.values);
       if (row.values.getAttribute('data-shown') !== text) {
         row.values.setAttribute('data-shown', text);
@@ -157,4 +158,25 @@ export function mountDiagnostics(root, app) {
   });
   store.on('diag', show);
   show();
+}
+
+/**
+ * The newest alarm or note as one line, for where the list is not seen.
+ *
+ * @param {App} app
+ * @returns {HTMLElement}
+ */
+export function makeNews(app) {
+  const { store } = app;
+  const element = h('p', { class: 'news' });
+
+  function show() {
+    const last = store.record().alarms.at(-1);
+    element.className = `news ${last?.level ?? ''}`;
+    replaceText(element, last ? `${timeOfDay(last.wall).slice(0, 8)} ${last.code ? `${last.code} ` : ''}${sentenceOf(last.text)}` : '');
+  }
+
+  store.on('alarms alarm chosen welcome', show);
+  show();
+  return element;
 }

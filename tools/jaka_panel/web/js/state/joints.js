@@ -27,8 +27,8 @@ export function mountJoints(root, app) {
   });
   root.append(h('table', { class: 'joints' },
     h('thead', {}, h('tr', {}, h('th', { scope: 'col', t: 'joints.joint' }), h('th', { scope: 'col', class: 'number' }, '°'),
-      h('th', { scope: 'col', t: 'joints.range' }), h('th', { scope: 'col', class: 'number' }, 'rad'),
-      h('th', { scope: 'col', class: 'number' }, '°/s'))),
+      h('th', { scope: 'col', t: 'joints.range' }), h('th', { scope: 'col', class: 'number second' }, 'rad'),
+      h('th', { scope: 'col', class: 'number second' }, '°/s'))),
     h('tbody', {}, ...rows.map((row) => row.element))));
 
   function showLimits() {

@@ -5,7 +5,26 @@ import { fixed } from '../ui/format.js';
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').ArmState} ArmState */
 
+/** What a driver calls those who move the arm, without its article, with the keys of their texts. */
+const OWNERS = /** @type {Record<string, string>} */ ({
+  move: 'owner.move', jog: 'owner.jog', 'servo mode': 'owner.servo_mode', trajectory: 'owner.trajectory',
+  'velocity jog': 'owner.velocity_jog', path: 'owner.path', program: 'owner.program',
+  'what a dead driver left moving': 'owner.left', 'change of frames, payload or hand guiding': 'owner.setting',
+  'the zeroing of the force sensor': 'owner.sensor', 'change of the zones': 'owner.zones',
+  'the loading of a program': 'owner.loading', "the motion guard's look at a move": 'owner.look',
+  'the audit of a path': 'owner.audit',
+});
 const MOTIONS = ['stop', 'pause', 'emergency', 'running', 'error'];
+
+/**
+ * The key of the text for who has the arm's motion; what is not known stays as the driver says it.
+ *
+ * @param {string} owner In the driver's words.
+ * @returns {string}
+ */
+export function ownerKey(owner) {
+  return OWNERS[owner.replace(/^an? /, '')] ?? owner;
+}
 
 /**
  * Word and mark of each state: `ok`, `warn`, `bad`, or nothing for what is neither.
@@ -38,7 +57,7 @@ export function readStates(state) {
     collision: pick(robot ? robot.collision === 1 : null, ['state.collision', 'bad'], ['state.none', 'ok']),
     servo: pick(robot ? robot.servo === 1 : null, ['state.on', 'ok'], ['state.off', '']),
     guiding: pick(state?.hand_guiding, ['state.on', 'warn'], ['state.off', '']),
-    owner: [state?.owner && state.owner !== 'nobody' ? state.owner : 'state.nobody', ''],
+    owner: !state?.owner ? unknown : [state.owner === 'nobody' ? 'state.nobody' : ownerKey(state.owner), ''],
     speed: state?.speed === null || state?.speed === undefined ? unknown : [`${fixed(100 * state.speed, 0)} %`,
       state.speed < 0.005 ? 'warn' : ''],
   };
@@ -49,36 +68,48 @@ export function readStates(state) {
  * @param {App} app
  */
 export function mountStatus(root, app) {
+  const { store } = app;
   const names = Object.keys(readStates(null));
   const marks = Object.fromEntries(names.map((name) => [name, h('dd', { class: 'mark' })]));
   root.append(h('dl', { class: 'states' }, ...names.map((name) => (
     h('div', { class: 'state', 'data-state': name }, h('dt', { t: `state.name.${name}` }), marks[name])))));
   const age = byId('age');
 
-  app.onFrame((state) => {
-    for (const [name, [word, mark]] of Object.entries(readStates(state))) {
-      if (app.isText(word)) setText(marks[name], word);
+  let isOld = true;
+
+  /** What is old keeps its words, as what was, and loses its marks. */
+  function draw() {
+    for (const [name, [word, mark]] of Object.entries(readStates(store.record().state))) {
+      const isWord = app.isText(word);
+      if (isOld && word !== 'state.unknown') setText(marks[name], 'state.was', { was: isWord ? app.say(word) : word });
+      else if (isWord) setText(marks[name], word);
       else {
         marks[name].removeAttribute('data-t');
         replaceText(marks[name], word);
       }
-      setAttribute(marks[name], 'data-mark', mark || null);
+      setAttribute(marks[name], 'data-mark', isOld ? 'old' : (mark || null));
     }
-  });
+  }
+
+  app.onFrame(draw);
 
   /** Ages go on between the samples, and past the last one. */
   function showAge() {
-    const seconds = app.store.age();
-    const isFresh = app.store.isFresh();
+    const seconds = store.age();
+    const isFresh = store.isFresh();
     document.body.classList.toggle('stale', !isFresh);
+    if (isOld === isFresh) {
+      isOld = !isFresh;
+      draw();
+    }
     if (isFresh) setText(age, 'age.fresh', { ms: Math.max(1, Math.round(seconds * 1000)) });
-    else if (!app.store.arm()) setText(age, 'age.no_arm');
+    else if (!store.arm()) setText(age, 'age.no_arm');
     else if (seconds === Infinity) setText(age, 'age.never');
-    else if (app.store.isSlow()) setText(age, 'age.slow', { s: fixed(seconds, 1) });
+    else if (store.isSlow()) setText(age, 'age.slow', { s: fixed(seconds, 1) });
     else setText(age, 'age.stale', { s: fixed(seconds, 1) });
   }
 
   setInterval(showAge, 200);
-  app.store.on('chosen state', showAge);
+  store.on('chosen state', showAge);
   showAge();
 }

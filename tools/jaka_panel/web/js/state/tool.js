@@ -16,8 +16,8 @@ export function mountTool(root, app) {
   const wrench = h('p', { class: 'wrench', hidden: true });
   root.append(h('table', { class: 'tool' },
     h('caption', {}, frame),
-    h('thead', {}, h('tr', {}, h('td', {}), h('th', { scope: 'col', class: 'number' }, 'mm'), h('th', { scope: 'col', class: 'number' }, 'm'),
-      h('td', {}), h('th', { scope: 'col', class: 'number', t: 'tool.rpy' }), h('th', { scope: 'col', class: 'number', t: 'tool.vector' }))),
+    h('thead', {}, h('tr', {}, h('td', {}), h('th', { scope: 'col', class: 'number' }, 'mm'), h('th', { scope: 'col', class: 'number second' }, 'm'),
+      h('td', {}), h('th', { scope: 'col', class: 'number', t: 'tool.rpy' }), h('th', { scope: 'col', class: 'number second', t: 'tool.vector' }))),
     h('tbody', {}, ...cells.map((row, index) => h('tr', {}, h('th', { scope: 'row' }, AXES[index]), row[0], row[1],
       h('th', { scope: 'row' }, `R${AXES[index].toLowerCase()}`), row[2], row[3])))), wrench);
 

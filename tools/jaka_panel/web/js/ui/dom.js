@@ -71,6 +71,16 @@ export function replaceText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/**
+ * Shows nothing, now and after a change of the language.
+ *
+ * @param {Element} element
+ */
+export function clearText(element) {
+  element.removeAttribute('data-t');
+  replaceText(element, '');
+}
+
 /** Says every text of the page again, in the language that now holds. */
 export function retranslate() {
   for (const element of document.querySelectorAll('[data-t]')) {

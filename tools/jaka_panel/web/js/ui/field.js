@@ -1,6 +1,7 @@
 /** Fields for numbers, with their units, that say what is wrong with what was typed. */
 import { h, setAttribute } from './dom.js';
 import { fixed, typedNumber } from './format.js';
+import { toast } from './toast.js';
 
 let made = 0;
 
@@ -10,6 +11,11 @@ let made = 0;
  * @property {HTMLInputElement} input
  * @property {() => number} value In the unit of the wire; NaN where no number stands there, or one out of range.
  * @property {(value: number) => void} set In the unit of the wire.
+ * @property {(value: number) => string} textOf A value of the wire as the field shows it, without its unit.
+ * @property {(value: number) => boolean} shows Whether the field stands as it shows this value of the wire.
+ * @property {string} label
+ * @property {string} unit
+ * @property {HTMLElement} note Beside the field, for what is to be said of it.
  */
 
 /**
@@ -37,6 +43,8 @@ export function numberField({ label, unit, scale = 1, decimals = 2, value, low =
     const typed = typedNumber(input.value);
     return typed >= low && typed <= high ? typed : NaN;
   };
+  const note = h('span', { class: 'note', hidden: true });
+  const textOf = (/** @type {number} */ one) => fixed(one * scale, decimals);
   const check = () => setAttribute(input, 'aria-invalid', input.value !== '' && Number.isNaN(read()) ? 'true' : null);
   input.addEventListener('input', () => {
     check();
@@ -44,11 +52,12 @@ export function numberField({ label, unit, scale = 1, decimals = 2, value, low =
   });
   return {
     element: h('div', { class: 'field' }, h('label', isKey ? { for: id, t: label } : { for: id }, isKey ? null : label),
-      input, h('span', { class: 'unit' }, unit)),
-    input,
+      input, h('span', { class: 'unit' }, unit), note),
+    input, label, unit, note, textOf,
+    shows: (one) => Math.abs(typedNumber(input.value) - Number(textOf(one))) < 1e-9,
     value: () => read() / scale,
     set(next) {
-      input.value = fixed(next * scale, decimals);
+      input.value = textOf(next);
       check();
     },
   };
@@ -74,4 +83,20 @@ export function actionButton(label, act, attributes = {}) {
     }
   });
   return button;
+}
+
+/**
+ * Values of fields, or null, with the focus in the first one that holds no number.
+ *
+ * @param {NumberField[]} fields
+ * @returns {number[]|null}
+ */
+export function readAll(fields) {
+  const values = fields.map((field) => field.value());
+  const wrong = values.findIndex((value) => Number.isNaN(value));
+  if (wrong < 0) return values;
+  fields[wrong].input.setAttribute('aria-invalid', 'true');
+  fields[wrong].input.focus();
+  toast('field.wrong', 'bad');
+  return null;
 }

@@ -15,7 +15,7 @@ import { h, setAttribute } from './dom.js';
  * @param {string[]} names Keys `tab.NAME` of the texts.
  * @param {string} label Key of the row's accessible name.
  * @param {(name: string) => void} [onChange]
- * @returns {{panels: Record<string, HTMLElement>, choose: (name: string) => void, hide: (name: string, hidden: boolean)
+ * @returns {{row: HTMLElement, panels: Record<string, HTMLElement>, choose: (name: string) => void, hide: (name: string, hidden: boolean)
  *   => void, chosen: () => string}}
  */
 export function makeTabs(root, names, label, onChange) {
@@ -56,6 +56,7 @@ export function makeTabs(root, names, label, onChange) {
   root.append(row, ...tabs.map((tab) => tab.panel));
   choose(names[0]);
   return {
+    row,
     panels: Object.fromEntries(tabs.map((tab) => [tab.name, tab.panel])),
     choose,
     chosen: () => current,

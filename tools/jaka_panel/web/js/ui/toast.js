@@ -1,5 +1,6 @@
 /** Short answers in a corner of the page: what was done, or why not. */
 import { byId, h } from './dom.js';
+import { sentenceOf } from './errors.js';
 import { isKnown, translate } from './i18n.js';
 
 const GOOD_MS = 4000;
@@ -14,7 +15,7 @@ const MOST = 4;
  * @param {string} [about] Key or text in front of it.
  */
 export function toast(text, kind, about = '') {
-  const say = (/** @type {string} */ part) => (isKnown(part) ? translate(part) : part);
+  const say = (/** @type {string} */ part) => (isKnown(part) ? translate(part) : sentenceOf(part));
   const place = byId('toasts');
   const element = h('div', { class: `toast ${kind}`, role: kind === 'bad' ? 'alert' : 'status' },
     h('span', { class: 'toast-mark', 'aria-hidden': 'true' }, kind === 'bad' ? '!' : '✓'),

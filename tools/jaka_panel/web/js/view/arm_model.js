@@ -59,7 +59,6 @@ function addCapsules(robot) {
   base.rotation.x = Math.PI / 2;
   base.position.z = radius * 0.35;
   robot.add(base);
-  robot.userData.reach = reach;
 }
 
 /**
@@ -99,8 +98,6 @@ export class ArmModel {
   constructor(robot, prefix) {
     this.robot = robot;
     this.prefix = prefix;
-    /** m */
-    this.reach = robot.userData.reach || 1;
     this.names = [1, 2, 3, 4, 5, 6].map((n) => `${prefix}joint_${n}`);
     if (!this.names.every((name) => robot.joints[name])) {
       this.names = Object.values(robot.joints).filter((joint) => joint.jointType !== 'fixed').slice(0, 6)
@@ -130,7 +127,6 @@ export class ArmModel {
     robot.traverse((/** @type {any} */ part) => {
       if (part.isMesh) part.material = material;
     });
-    robot.userData.reach = this.reach;
     return new ArmModel(robot, this.prefix);
   }
 

@@ -2,6 +2,7 @@
 import * as THREE from '../../vendor/three/three.module.js';
 import { h, replaceText, setText } from '../ui/dom.js';
 import { loadArm } from './arm_model.js';
+import { cornersOf } from './framing.js';
 import { PathLine, Trace } from './lines.js';
 import { View } from './scene.js';
 import { Zones } from './zones.js';
@@ -58,9 +59,13 @@ export function mountArmView(root, app) {
   let shown = '';
   let shownZones = '';
   let hasTrace = true;
+  let isFramed = false;
 
   const buttons = ['home', 'front', 'side', 'top'].map((name) => h('button', { type: 'button', class: 'plain',
-    t: `view.${name}`, on: { click: () => view.look(name) } }));
+    t: `view.${name}`, on: { click: () => {
+      if (arm) view.frame(cornersOf(arm.robot), true);
+      view.look(name);
+    } } }));
   const traceButton = h('button', { type: 'button', class: 'plain', t: 'view.trace', 'aria-pressed': 'true',
     on: { click: () => {
       hasTrace = !hasTrace;
@@ -77,7 +82,10 @@ export function mountArmView(root, app) {
     if (wanted === shown || !info) return;
     shown = wanted;
     try {
-      const loaded = await loadArm(info.id, info.prefix ?? '', () => view.invalidate());
+      const loaded = await loadArm(info.id, info.prefix ?? '', () => {
+        isFramed = false;  // its meshes are there now
+        view.invalidate();
+      });
       if (shown !== wanted) {
         loaded.dispose();
         return;
@@ -89,8 +97,7 @@ export function mountArmView(root, app) {
       arm = loaded;
       view.scene.add(arm.robot);
       arm.robot.visible = false;
-      view.reach = arm.reach;
-      view.look('home');
+      isFramed = false;
       trace.clear();
       path.show(null);
       note.hidden = true;
@@ -131,6 +138,7 @@ export function mountArmView(root, app) {
       ghost.robot.visible = true;
     }
     ghost.setJoints(q);
+    view.frame(cornersOf(ghost.robot));
   }
 
   /** @param {number[]} q */
@@ -161,6 +169,8 @@ export function mountArmView(root, app) {
       shift.set(0, 0, 0);
     }
     if (hasTrace) trace.add(tool.position);
+    view.frame([...cornersOf(arm.robot), tool.position.clone()], !isFramed);
+    isFramed = true;
     view.invalidate();
   });
   app.store.on('arms welcome chosen', () => {

@@ -1,13 +1,17 @@
 /** The room in 3D: camera, light, floor; drawn only when something in it has changed, and never for long. */
 import * as THREE from '../../vendor/three/three.module.js';
 import { OrbitControls } from '../../vendor/three/controls/OrbitControls.js';
+import { fit } from './framing.js';
 import { onThemeChange, themeColour } from '../ui/theme.js';
 
 const FASTEST_MS = 33;
 /** Drawing may take this share of the time of the page's thread; slow machines see fewer pictures. */
 const SHARE = 0.35;
+/** So many points are kept in view. */
+const MOST = 2000;
+/** Where the camera stands, from the middle of what it looks at. */
 const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
-  home: [0.82, -0.92, 0.42], front: [1.35, 0.001, 0.1], side: [0.001, -1.35, 0.1], top: [0.001, -0.001, 1.4],
+  home: [0.82, -0.92, 0.38], front: [1, 0.001, 0.06], side: [0.001, -1, 0.06], top: [0.001, -0.001, 1],
 });
 
 export class View {
@@ -24,10 +28,17 @@ export class View {
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.01, 50);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener('change', () => this.invalidate());
+    this.controls.addEventListener('start', () => {
+      this.isTurned = true;
+    });
     this.controls.maxDistance = 12;
     this.controls.minDistance = 0.15;
-    /** Reach of the arm, m: views are chosen by it. */
-    this.reach = 1;
+    /** What is to be seen, m. */
+    this.points = [new THREE.Vector3(-0.4, -0.4, 0), new THREE.Vector3(0.4, 0.4, 0.9)];
+    this.box = new THREE.Box3().setFromPoints(this.points);
+    this.name = 'home';
+    /** Somebody has turned or moved the view: it stays as it is. */
+    this.isTurned = false;
     this.isDirty = true;
     this.drawnAt = 0;
     this.cost = 0;
@@ -60,13 +71,31 @@ export class View {
 
   /** @param {string} name Of one of the views. */
   look(name) {
-    const [x, y, z] = VIEWS[name];
-    const scale = 1.25 * this.reach;
-    const height = 0.42 * this.reach;
-    this.camera.position.set(x * scale, y * scale, height + z * scale);
-    this.controls.target.set(0, 0, height);
+    this.name = name;
+    this.isTurned = false;
+    const direction = new THREE.Vector3(...VIEWS[name]).normalize();
+    const high = Math.tan((this.camera.fov * Math.PI) / 360);
+    // what is to be seen stays above the buttons at the foot of the picture
+    const foot = /** @type {HTMLElement|null} */ (this.root.querySelector('.view-buttons'))?.offsetHeight ?? 0;
+    const free = 1 - Math.min(0.4, (1.2 * foot) / (this.root.clientHeight || 1));
+    const { target, distance, above } = fit(this.points, direction, this.camera.up, high * free, high * this.camera.aspect);
+    this.controls.target.copy(target).addScaledVector(above, -distance * high * (1 - free));
+    this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
     this.controls.update();
     this.invalidate();
+  }
+
+  /**
+   * Has what is seen fit the picture: in place of what was framed before, or besides it where it has grown beyond that.
+   *
+   * @param {any[]} points Vector3, m.
+   * @param {boolean} [isNew]
+   */
+  frame(points, isNew = false) {
+    if (!points.length || (!isNew && points.every((point) => this.box.containsPoint(point)))) return;
+    this.points = isNew ? points : [...this.points, ...points].slice(-MOST);
+    this.box.setFromPoints(this.points);
+    if (!this.isTurned) this.look(this.name);
   }
 
   resize() {
@@ -76,6 +105,7 @@ export class View {
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();
+    if (!this.isTurned) this.look(this.name);
     this.invalidate();
   }
 

@@ -1,5 +1,6 @@
 // What the page uses of three.js, without its types.
 export const AxesHelper: any;
+export const Box3: any;
 export const BoxGeometry: any;
 export const BufferAttribute: any;
 export const BufferGeometry: any;
