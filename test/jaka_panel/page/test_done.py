@@ -291,6 +291,13 @@ def test_a_setting_is_read_asked_for_written_and_read_back(panel, open_page):
     page.until("document.querySelector(%s).value === '1.50'" % json.dumps(mass))
     assert page.evaluate("document.querySelector('#panel-setup [data-name=level2]').ariaPressed") == "true"
     assert page.evaluate("document.querySelector('#panel-setup .card .field:nth-child(4) input').value") == "120.00"
+    number = card + ".field:nth-child(1) input"
+    page.type(number, "2")
+    page.until_text(card + ".said", "does not tell what it holds")
+    values = "[...document.querySelectorAll(%s)].map((one) => one.value)" % json.dumps(card + "input")
+    assert page.evaluate(values) == ["2", "", "", "", ""], "what is held belongs to the active tool"
+    page.type(number, "1")
+    page.until(values + ".join() === '1,1.50,0.00,-20.00,41.23'")
     page.click(card + "> .buttons button")
     page.until_text(card + ".said", "Nothing is changed")
     page.type(mass, "1.2")

@@ -70,6 +70,13 @@ def test_the_line_says_why_the_arm_cannot_move_and_what_is_next(panel, open_page
     assert [one["args"] for one in panel.sent("power")] == [{"on": True}], "one for each that was offered"
     panel.state["robot"].update(power=1)
     page.until_text("#line-said", "Can move")
+    panel.state["dq"] = [0.1] + [0.0] * 5
+    page.until_text("#line-said", "Moving: the driver has not said yet for whom.")
+    page.until_text("[data-state=owner]", "not told yet")
+    panel.state["owner"] = "a trajectory"
+    page.until_text("#line-said", "Moving: a trajectory.")
+    panel.state.update(dq=[0.0] * 6, owner="nobody")
+    page.until_text("#line-said", "Can move")
     panel.arms[0]["alive"] = False
     panel.state.update(fresh=False, age=1.0)
     panel.say(t="arms", arms=panel.arms)

@@ -105,7 +105,10 @@ export function changesInWords(fields, values, held, say) {
  * @param {(now: number[]|null, wanted: number[]) => string|null} [options.warning] Key.
  */
 export function makeSetting({ app, held, title, fields, low, high, active, read, write, warning = () => null }) {
-  const number = numberField({ label: 'setup.number', unit: `${low}–${high}`, decimals: 0, low, high, onChange: () => fill(true) });
+  const number = numberField({ label: 'setup.number', unit: `${low}–${high}`, decimals: 0, low, high, onChange: () => {
+    isNumberTouched = true;
+    fill(true);
+  } });
   const said = h('p', { class: 'said', role: 'status' });
   const list = h('ul', { class: 'changes' });
   const warned = h('p', { class: 'bad', hidden: true });
@@ -116,9 +119,6 @@ export function makeSetting({ app, held, title, fields, low, high, active, read,
   const touched = new Set();
   let isNumberTouched = false;
 
-  number.input.addEventListener('input', () => {
-    isNumberTouched = true;
-  });
   for (const field of fields) {
     field.input.addEventListener('input', () => {
       touched.add(field);

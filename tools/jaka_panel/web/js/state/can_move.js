@@ -38,7 +38,9 @@ export function mountLine(app) {
     const seconds = store.age();
     const values = { s: Number.isFinite(seconds) ? fixed(seconds, 1) : '–', owner: ownerText(app, state?.owner) };
     setText(can, `line.can.${line.can}`);
-    for (const [part, key] of /** @type {[Element, string][]} */ ([[why, `line.why.${line.name}`], [next, line.next]])) {
+    const isUntold = line.name === 'moving' && (!state?.owner || state.owner === 'nobody');  // told once a second
+    const reason = isUntold ? 'line.why.moving_unknown' : `line.why.${line.name}`;
+    for (const [part, key] of /** @type {[Element, string][]} */ ([[why, reason], [next, line.next]])) {
       if (app.isText(key)) {
         setText(part, key, values);
       } else {
@@ -66,7 +68,7 @@ export function mountLine(app) {
  * @param {string|null|undefined} owner
  * @returns {string}
  */
-export function ownerText(app, owner) {
+function ownerText(app, owner) {
   if (!owner || owner === 'nobody') return app.say('state.nobody');
   const key = ownerKey(owner);
   return app.isText(key) ? app.say(key) : owner;

@@ -79,7 +79,9 @@ export function mountStatus(root, app) {
 
   /** What is old keeps its words, as what was, and loses its marks. */
   function draw() {
-    for (const [name, [word, mark]] of Object.entries(readStates(store.record().state))) {
+    const states = readStates(store.record().state);
+    if (states.owner[0] === 'state.nobody' && store.moves()) states.owner = ['owner.unknown', ''];  // told once a second
+    for (const [name, [word, mark]] of Object.entries(states)) {
       const isWord = app.isText(word);
       if (isOld && word !== 'state.unknown') setText(marks[name], 'state.was', { was: isWord ? app.say(word) : word });
       else if (isWord) setText(marks[name], word);

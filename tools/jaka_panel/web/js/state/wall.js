@@ -2,7 +2,6 @@
 import { h, replaceText, setAttribute, setText } from '../ui/dom.js';
 import { sentenceOf } from '../ui/errors.js';
 import { fixed } from '../ui/format.js';
-import { ownerText } from './can_move.js';
 import { timeOfDay } from './events.js';
 import { readStates } from './status.js';
 
@@ -41,7 +40,7 @@ export function mountWall(root, app) {
     const states = readStates(state);
     const [motion, mark] = states.motion;
     say('motion', store.moves() && mark === 'ok' ? 'motion.running' : motion, mark);
-    say('owner', state?.owner ? ownerText(app, state.owner) : 'state.unknown');
+    say('owner', states.owner[0] === 'state.nobody' && store.moves() ? 'owner.unknown' : states.owner[0]);
     say('speed', state?.speed === null || state?.speed === undefined ? 'state.unknown' : `${fixed(100 * state.speed, 0)} %`, states.speed[1]);
     const key = `program.state.${program?.state ?? 'unknown'}`;
     say('program', [program?.program, app.isText(key) ? app.say(key) : ''].filter(Boolean).join(': '));
