@@ -19,7 +19,8 @@ WHO = {"page": "p1", "name": "Ann's tablet", "host": "10.0.0.4:5"}
 POINT = {"q": [0.1, 1, -1.5, 1.5, 1.5, 0.0], "model": "zu7", "tool_number": 2, "taken": 1.8e9,
          "tool": {"p": [0.4, 0.1, 0.3], "r": [3.1, 0.0, 0.0]}}
 DATA = {
-    "io": {ARM: {"cabinet.di.3": {"label": "夹爪 closed"}}}, "points": {ARM: {"P1": POINT, "über <b>": POINT}},
+    "io": {ARM: {"cabinet.di.3": {"label": "夹爪 closed"}, "relays.r.0": {"label": "R"}}},
+    "points": {ARM: {"P1": POINT, "über <b>": POINT}},
     "user_frames": {ARM: {"table": {"p": [0.1, 0, 0], "r": [0, 0, 1], "number": 2, "residual": 0.0004}}},
     "payloads": {ARM: {"gripper": {"mass": 1.25, "centre": [0, 0, 0.05], "tool": 1}}},
     "lists": {ARM: {"pick": {"steps": [

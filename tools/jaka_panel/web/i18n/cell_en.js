@@ -73,7 +73,7 @@ export const cellEn = {
   'list.value.on': 'on',
   'list.value.off': 'off',
   'list.add': 'Add step',
-  'list.no_point': 'Store a point first (Move)',
+  'list.no_point': 'Store a point first, in the tab Move',
   'list.no_steps': 'The list has no steps',
   'list.up': 'Earlier',
   'list.down': 'Later',

@@ -73,7 +73,7 @@ export const cellZh = {
   'list.value.on': '开',
   'list.value.off': '关',
   'list.add': '添加步骤',
-  'list.no_point': '请先保存点位（移动）',
+  'list.no_point': '请先在“运动”页保存点位',
   'list.no_steps': '列表中没有步骤',
   'list.up': '上移',
   'list.down': '下移',

@@ -344,7 +344,7 @@ export const zh = {
   'move.under_way': '正在运动……',
   'move.arrived': '已到达。',
   'move.ended': '未到达目标即结束。',
-  'points.title': '已存点',
+  'points.title': '示教点',
   'points.none': '还没有点位。',
   'points.name': '名称',
   'points.save': '保存当前位置',

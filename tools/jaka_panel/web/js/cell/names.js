@@ -9,6 +9,7 @@ import { twiceButton } from './twice.js';
 
 const LONGEST = 60;
 const KINDS = ['di', 'do', 'ai', 'ao'];
+const RELAYS = 'relays';
 const LAYOUT = 'page';
 /** What belongs to the layout, of all that a browser keeps under names that begin so. */
 const KEPT = 'jaka-panel-';
@@ -43,7 +44,8 @@ export function makeNames(app) {
       label.focus();
       return;
     }
-    const answer = await cell.change([{ section: 'io', arm: store.chosen, name: `${bank.value}.${kind.value}.${Math.round(number)}`,
+    const word = bank.value === RELAYS ? 'r' : kind.value;
+    const answer = await cell.change([{ section: 'io', arm: store.chosen, name: `${bank.value}.${word}.${Math.round(number)}`,
       entry: { label: label.value.trim() } }]);
     say(answer, 'teach.keep');
     if (answer.ok) label.value = '';
@@ -61,7 +63,8 @@ export function makeNames(app) {
 
   let banks = '';
   store.on('io chosen', () => {
-    const there = Object.keys(store.record().io?.banks ?? {});
+    const { io } = store.record();
+    const there = [...Object.keys(io?.banks ?? {}), ...(io?.relays?.length ? [RELAYS] : [])];
     if (there.join() === banks) return;
     banks = there.join();
     bank.replaceChildren(...there.map((one) => h('option', { value: one, t: `io.bank.${one}` })));
