@@ -121,10 +121,12 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "settings": set(),
         "authority": set(),
         "record": set(),
-        "plans": {"jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
-        "graph": {"authority", "record", "plans", "jaka_regression", "jaka_regression.programs"} | {
+        "plans": {"teach", "jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
+        "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
-        "pages": {"", "settings", "authority", "record", "plans", "graph"},
+        "cell": {"jaka_ros_driver.audit"},
+        "teach": set(),
+        "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {
