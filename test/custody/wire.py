@@ -97,6 +97,13 @@ class Pipe:
         self._is_waiting = False
         self._wait()
 
+    def catch_up(self) -> None:
+        """Carry at once what a slow link has held back."""
+        latest = self._clock.now + self._terms.latency[1]
+        self._queue = deque(message._replace(at=min(message.at, latest)) for message in self._queue)
+        self._busy_until = min(self._busy_until, self._clock.now)
+        self.wake()
+
     def die(self) -> None:
         """Drop everything on its way, and notify nobody."""
         self.is_dead = True
@@ -302,5 +309,5 @@ class Network:
             terms.splits_until = min(terms.splits_until, now)
             terms.slow_until = min(terms.slow_until, now)
         for cable in self.cables:
-            cable.to_controller.wake()
-            cable.to_driver.wake()
+            cable.to_controller.catch_up()
+            cable.to_driver.catch_up()
