@@ -21,7 +21,8 @@ def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
 GROUND = {"background_log", "errors", "scheduling", "units"}
 DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.dialect", "simulation.controller", "simulation.server"}
-FLOOR = {"errors", "units", "interrupts", "driver_interface", "log_records", "paths", "output_file", "pipeline"}
+FLOOR = {"allocator", "errors", "units", "interrupts", "driver_interface", "log_records", "paths", "output_file",
+         "pipeline"}
 CONTAINERS = {"containers", "containers.registry"}
 TOOLS = FLOOR | CONTAINERS | {
     "messages", "operations", "live", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
@@ -66,6 +67,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "paths": set(),
         "output_file": {"errors", "paths"},
         "pipeline": set(),
+        "allocator": set(),
         "messages": FLOOR,
         "containers": FLOOR | {"messages"},
         "containers.bag": FLOOR | {"messages", "containers"},
@@ -119,10 +121,12 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "settings": set(),
         "authority": set(),
         "record": set(),
-        "plans": {"jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
-        "graph": {"authority", "record", "plans", "jaka_regression", "jaka_regression.programs"} | {
+        "plans": {"teach", "jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
+        "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
-        "pages": {"", "settings", "authority", "record", "plans", "graph"},
+        "cell": {"jaka_ros_driver.audit"},
+        "teach": set(),
+        "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {

@@ -330,7 +330,7 @@ class AuditLog:
         is_new, self._trouble = not self._trouble, str(error)
         if is_new and now - self._warned_at >= _WARN_PERIOD_S:
             self._warned_at = now
-            _LOG.warning("the audit log in %s cannot be written: %s. The driver goes on; %d lines wait in memory at "
+            _LOG.warning("the audit log in %s cannot be written: %s. All else goes on; %d lines wait in memory at "
                          "most, what is beyond that is counted", self.path, error, self._most_waiting)
 
     def _drop(self) -> None:

@@ -2,8 +2,9 @@
 
 ``python3 -m jaka_ros_driver.wire.replayer LOG.mcap`` prints a line of JSON with its ports, one when the first client
 has connected, and one when all has been played. A port is open while the recorded one was connected. Time stands
-still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most. The last frame comes again
-and again then: no controller pauses its feed because a client is late, and a feed that owes frames counts as old.
+still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` (``--patience``) at most. The last
+frame comes again and again then: no controller pauses its feed because a client is late, and a feed that owes frames
+counts as old.
 """
 import argparse
 import json
@@ -85,13 +86,15 @@ class SessionReplayer(PortServer):
         speed: Factor by which it is played faster than recorded.
         ports: TCP port by name, 0 for a free one.
         notice: Called with "begin" and with "end", and with the facts of that moment as keywords.
+        patience_s: Longest wait for a request, s of wall time.
 
     Attributes:
         port_numbers: TCP port by name.
     """
 
     def __init__(self, script: RecordedSession, speed: float, ports: Dict[str, int],
-                 notice: Callable[..., None]) -> None:
+                 notice: Callable[..., None], patience_s: float = PATIENCE_S) -> None:
+        self._patience_s = patience_s
         self._script = script
         self._speed = speed
         self._notice = notice
@@ -125,7 +128,7 @@ class SessionReplayer(PortServer):
             return now
         if self._held_since is None:
             self._held_since = clock
-        elif clock - self._held_since > PATIENCE_S:
+        elif clock - self._held_since > self._patience_s:
             self._causes.pop(0)
             self._held_since = None
             return self._now()
@@ -257,6 +260,8 @@ def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="wire_player", description="Plays a wire log to a driver.")
     parser.add_argument("log", metavar="LOG.mcap", help="of jaka_sim --log or jaka_sim proxy")
     parser.add_argument("--speed", type=float, default=1.0, metavar="N", help="N times faster, default 1")
+    parser.add_argument("--patience", type=float, default=PATIENCE_S, metavar="S",
+                        help="longest wait for a request that moved the arm, s, default %g" % PATIENCE_S)
     for port in PORTS:
         parser.add_argument("--%s-port" % port, type=int, default=0, metavar="N", help="default: a free one")
     options = parser.parse_args(argv)
@@ -272,7 +277,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         script = recorded_session(read_log(options.log))
         offset = clock_offset_ns(options.log)
         numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
-        player = SessionReplayer(script, options.speed, numbers, _print)
+        player = SessionReplayer(script, options.speed, numbers, _print, options.patience)
         stop_on_signals(player.stop)
         raise_priority(False)
         print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,

@@ -1,7 +1,7 @@
 """The speed of jaka_bag on files, beside its peers, in one run.
 
-Every program is a process of its own, start-up included. Peers: cp, zstd -1, Debian's rosbag, rosbags, the mcap
-library, rosbags-convert, and pymcap-cli where it is found
+Every program is a process of its own, start-up included. Peers: cp, zstd -1 (and with -T2), Debian's rosbag, rosbags,
+the mcap library, rosbags-convert, and pymcap-cli where it is found
 (it is no part of this project: install it into an environment of your own and name it with --pymcap-cli).
 The rounds are interleaved, the best of each counts; CPU is user and system time, memory the peak of the resident set.
 On a busy machine the ratio of CPU times says more than that of wall times.
@@ -248,6 +248,7 @@ def bench(folder: Path, args: argparse.Namespace) -> None:
         Entry("jaka_bag convert", JAKA_BAG + ["convert", bag, "-o", out, "-q"], [out]),
         pymcap(bag, 12), Entry("rosbags Reader -> mcap Writer", python(ROSBAGS_TO_MCAP, bag, peer), [peer], 15),
         Entry("zstd -1", ["zstd", "-1", "-q", "-f", str(bag), "-o", str(folder / "x.zst")], [], 1 / 1.5),
+        Entry("zstd -1 -T2", ["zstd", "-1", "-T2", "-q", "-f", str(bag), "-o", str(folder / "x.zst")], [], 1.0),
         Entry("cp", ["cp", str(bag), str(folder / "copy.bag")])])
     table("convert: .bag -> rosbag2 folder, CDR, zstd", [
         Entry("jaka_bag convert --profile ros2", JAKA_BAG + ["convert", bag, "-o", folder2, "--profile", "ros2", "-q"],

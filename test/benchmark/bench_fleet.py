@@ -8,6 +8,10 @@ two processors, and the speed-up shows it: "the machine alone" is the one of two
 
     build/venv/bin/python3 test/benchmark/bench_fleet.py        1,000 logs, a quarter of an hour, 8 GB
     build/venv/bin/python3 test/benchmark/bench_fleet.py --logs 300 --keep FOLDER        a third; takes what is there
+
+With --start the programs themselves, start included: from how many bytes on workers are done sooner than one process.
+
+    build/venv/bin/python3 test/benchmark/bench_fleet.py --start --logs 60        some minutes
 """
 import argparse
 import hashlib
@@ -25,8 +29,9 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
-                str(ROOT / "test" / "support" / "logs")]
+                str(ROOT / "test" / "support" / "logs"), str(ROOT / "test" / "benchmark")]
 
+from bench_bags import JAKA_BAG, Cost, run  # noqa: E402
 from fleet_logs import DAY_S, Run, write_run  # noqa: E402
 from fleet_tasks import measured_add  # noqa: E402
 from page_commands import blocks  # noqa: E402
@@ -183,6 +188,34 @@ def show_questions(target: Path) -> bool:
     return is_met
 
 
+def show_start(logs: List[str], folder: Path) -> None:
+    """Print wall and CPU time of the programs with the first few logs and with more, in one process and with workers.
+
+    The best of the rounds counts; the start is in it.
+    """
+    print("%-18s %5s %8s" % ("", "logs", "MB"), end="")
+    print("".join(" %11s %11s" % ("wall s, %d" % jobs, "CPU s, %d" % jobs) for jobs in (1, 2)))
+    golden, target = logs[0], folder / "started"
+    for name, words in (("dataset add", ["dataset", "add", "--to", target]),
+                        ("compare --against", ["compare", golden, "--results", target, "--against"])):
+        for count in sorted({count for count in (5, 10, 20, 40, len(logs)) if count <= len(logs)}):
+            some = folder / "some"
+            shutil.rmtree(str(some), ignore_errors=True)
+            some.mkdir()
+            for path in logs[:count]:
+                (some / Path(path).name).symlink_to(path)
+            best: Dict[int, Cost] = {}
+            for _ in range(ROUNDS):
+                for jobs in (1, 2):
+                    shutil.rmtree(str(target), ignore_errors=True)
+                    cost = run([*JAKA_BAG, *words, some, "--jobs", jobs, "-q"], (0, 1))
+                    assert cost is not None
+                    best[jobs] = Cost(*map(min, zip(cost, best.get(jobs, cost))))
+            size = sum(Path(path).stat().st_size for path in logs[:count])
+            print("%-18s %5d %8.1f" % (name, count, size / 1e6), end="")
+            print("".join(" %11.2f %11.2f" % (best[jobs].wall, best[jobs].cpu) for jobs in (1, 2)), flush=True)
+
+
 def main() -> int:
     """Make the logs, add them, ask; print tables. The exit code is 1 where a goal is missed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -190,6 +223,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=120.0, help="length of each, default 120")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], help="default 1 2")
     parser.add_argument("--keep", metavar="FOLDER", help="leave logs and data set there, and take logs that are there")
+    parser.add_argument("--start", action="store_true", help="the programs, start included, with few logs and more")
     options = parser.parse_args()
     folder = Path(options.keep or tempfile.mkdtemp(prefix="bench_fleet_"))
     try:
@@ -201,6 +235,9 @@ def main() -> int:
                 pass
         logs = find_logs([str(folder / "logs")])[:options.logs]
         print("%d logs are made" % len(logs), flush=True)
+        if options.start:
+            show_start(logs, folder)
+            return 0
         passes: Dict[int, List[Pass]] = {workers: [] for workers in options.workers}
         for workers in ROUNDS * options.workers:
             target = folder / ("fleet_%d" % workers)

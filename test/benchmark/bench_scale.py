@@ -49,7 +49,7 @@ def cases(golden: Path, candidate: Path, folder: Path) -> List[Case]:
     tables = [out / ("run_jaka_driver_%s.parquet" % name)
               for name in ("joint_position", "robot_states", "service_calls", "tool_position")]
     return [
-        Case("compare", JAKA_BAG + ["compare", "-q", golden, candidate], [], 400, 20),
+        Case("compare", JAKA_BAG + ["compare", "-q", golden, candidate], [], 400, 16.8),
         Case("compare --html", JAKA_BAG + ["compare", "-q", golden, candidate, "--html", out / "report.html"],
              [out / "report.html"]),
         Case("plot", JAKA_BAG + ["plot", golden, "-o", out / "run.svg"], [out / "run.svg"], 300),

@@ -32,6 +32,14 @@ def test_other_computers_are_let_in_only_when_it_is_said(host):
         settings_from(["--host", host, "--tls-cert", "c"])
 
 
+def test_the_cells_data_are_kept_below_ros_home_unless_a_file_is_named(monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "/ros")
+    assert settings_from([]).cell_data == "/ros/jaka_cell/cell.json"
+    monkeypatch.setenv("ROS_HOME", "")
+    assert settings_from([]).cell_data == os.path.expanduser("~/.ros/jaka_cell/cell.json")
+    assert settings_from(["--cell-data", "x.json"]).cell_data == "x.json"
+
+
 def test_what_is_loopback():
     assert all(map(is_loopback, ("127.0.0.1", "127.8.8.8", "::1", "localhost")))
     assert not any(map(is_loopback, ("0.0.0.0", "::", "10.0.0.1", "localhost.evil.example", "127.0.0.1.evil", "")))
@@ -55,7 +63,7 @@ def test_the_tokens_file_is_made_kept_and_its_owners_alone(tmp_path):
 
 @pytest.mark.parametrize("words", [["--port", "x"], ["--port", "70000"], ["--pages", "0"], ["--max-jog-speed", "0"],
                                    ["--max-jog-speed", "nan"], ["--unknown"], ["--host", ""],
-                                   ["--tls-cert", ""], ["--tls-key", " "], ["--token-file", ""]])
+                                   ["--tls-cert", ""], ["--tls-key", " "], ["--token-file", ""], ["--cell-data", ""]])
 def test_wrong_options_end_it(words, capsys):
     with pytest.raises(SystemExit) as end:
         settings_from(words)

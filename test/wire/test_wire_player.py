@@ -53,13 +53,13 @@ def talk_and_listen(player, count):
 
 
 @contextlib.contextmanager
-def playing(path, speed=1.0):
+def playing(path, speed=1.0, **options):
     heard = []
 
     def notice(event, **facts):
         heard.append((event, facts))
 
-    player = SessionReplayer(recorded_session(read_log(str(path))), speed, {}, notice)
+    player = SessionReplayer(recorded_session(read_log(str(path))), speed, {}, notice, **options)
     thread = threading.Thread(target=player.run)
     thread.start()
     try:
@@ -253,7 +253,6 @@ def test_the_arm_does_not_move_before_it_is_asked_to(recorded_move):
             feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
 
 
-def test_a_request_that_does_not_come_is_not_waited_for_for_ever(recorded_move, monkeypatch):
-    monkeypatch.setattr(wire_player, "PATIENCE_S", 0.5)
-    with playing(recorded_move) as (player, _), RawFeed(player.port_numbers["status"]) as feed:
+def test_a_request_that_does_not_come_is_not_waited_for_for_ever(recorded_move):
+    with playing(recorded_move, patience_s=0.5) as (player, _), RawFeed(player.port_numbers["status"]) as feed:
         feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)

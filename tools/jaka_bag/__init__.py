@@ -9,6 +9,7 @@ driver_interface     types and numbers in the topics of JAKA drivers, and what t
 log_records          names of the metadata records that recorders leave in a log
 paths, output_file   names of files; outputs that appear only when whole
 pipeline             work on several threads, results in order
+allocator            freed memory, kept for the next chunk of a log
 messages             many messages in few numpy arrays: definitions, layouts, columns, CDR, selection
 containers           the formats: one contract for readers and writers, .bag, .mcap, rosbag2 folders
 operations           convert, merge, split, recover, export, plot, timing

@@ -46,6 +46,7 @@ class Settings:
         jog_fraction: Largest share of the driver's jog limits that a page can ask for.
         pages: Largest number of pages with the token at once.
         simulator_port: The simulated controller's operator port, for the only arm; 0: as the launch file says.
+        cell_data: File of the cell's data.
     """
 
     host: str = LOOPBACK
@@ -58,6 +59,7 @@ class Settings:
     jog_fraction: float = 1.0
     pages: int = 8
     simulator_port: int = 0
+    cell_data: str = ""
 
     @property
     def is_loopback(self) -> bool:
@@ -121,7 +123,14 @@ def settings_from(arguments: List[str]) -> Settings:
     return Settings(
         options.host, options.port, tuple(options.allow_name),
         (options.tls_cert, options.tls_key) if options.tls_cert else None, token,
-        options.read_only, options.logs or None, options.max_jog_speed / 100.0, options.pages, options.simulator_panel)
+        options.read_only, options.logs or None, options.max_jog_speed / 100.0, options.pages, options.simulator_panel,
+        options.cell_data or default_cell_data())
+
+
+def default_cell_data() -> str:
+    """Return the file of the cell's data below $ROS_HOME, or below ~/.ros."""
+    return os.path.join(os.environ.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros"), "jaka_cell",
+                        "cell.json")
 
 
 def new_token() -> str:
@@ -168,6 +177,9 @@ def _parser() -> argparse.ArgumentParser:
                         help="file with the token, made where it is not there (default: a new token with each start)")
     parser.add_argument("--read-only", action="store_true", help="pages can watch, and stop, and nothing else")
     parser.add_argument("--logs", metavar="FOLDER", help="folder whose logs can be replayed")
+    parser.add_argument("--cell-data", type=_given, metavar="FILE",
+                        help="names, points, frames, payloads of the cell, shared by all pages; made where it is not "
+                             "there (default jaka_cell/cell.json in $ROS_HOME, else in ~/.ros)")
     parser.add_argument("--max-jog-speed", type=_percent, default=100.0, metavar="PERCENT",
                         help="of the driver's jog limits, the most that a page can set (default 100; each page begins "
                              "with 10)")

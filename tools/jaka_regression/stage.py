@@ -25,6 +25,8 @@ _RECORDER = "/recorder"
 _LAST_OFFERED = "stop_move"
 """A service of each driver. A driver offers its services after its topics."""
 _TAIL_S = 0.7
+_PATIENCE_ALONE_S = 0.5
+"""Longest wait, s, for a recorded request where no calls are made: all but the driver's own will not come."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,9 @@ class Stage:
                 told[event["event"]] = event
                 (began if event["event"] == "begin" else ended).set()
 
+        alone = ("--patience", "%g" % _PATIENCE_ALONE_S) if self._script.log is None else ()
         player = self._start("wire", *programs.WIRE_PLAYER, wire_log, "--speed",
-                             "%g" % self._time_scale, on_line=hear)
+                             "%g" % self._time_scale, *alone, on_line=hear)
         facts = player.first_object(_START_S)
         self._ports[self._scenario.arms[0].namespace] = facts
         recorder = self._start_recorder(candidate)

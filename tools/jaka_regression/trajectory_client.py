@@ -102,37 +102,32 @@ def action_of(master: RemoteNode, node: str) -> str:
     return str(sorted(names)[0])
 
 
-class TrajectoryClient:
-    """A client that sends joint trajectories; the process must be a ROS node."""
+class GoalClient:
+    """A client that sends goals of one action; the process must be a ROS node."""
 
-    def __init__(self, action: str, timeout_s: float) -> None:
+    def __init__(self, action: str, kind: Any, text: str, timeout_s: float) -> None:
         """Connect to an action by its name.
+
+        Args:
+            action: Its name.
+            kind: Class of its action message.
+            text: Field of the result that has the driver's message.
+            timeout_s: Longest wait for a server, s.
 
         Raises:
             DriverNotThere: Nobody offers it within the time.
         """
-        self._name = action
-        self._client = actionlib.SimpleActionClient(action, action_type())
+        self._name, self._text = action, text
+        self._client = actionlib.SimpleActionClient(action, kind)
         if not self._client.wait_for_server(rospy.Duration(timeout_s)):
             raise DriverNotThere("nobody answers at %s" % action)
 
-    def follow(self, names: Sequence[str], time_s: Array, position: Array, velocity: Array, acceleration: Array,
-               cancelled: threading.Event) -> End:
-        """Have the arm go along points, and wait for its rest; when cancelled, for the rest after that.
+    def new_goal(self) -> Any:
+        """Return a goal to be filled in."""
+        return self._client.action_client.ActionGoal().goal
 
-        Args:
-            names: Names of the joints.
-            time_s: Times of the points, s (n,).
-            position: rad (n, joints).
-            velocity: rad/s (n, joints).
-            acceleration: rad/s2 (n, joints).
-            cancelled: Set to have the arm brake on its path.
-        """
-        goal = self._client.action_client.ActionGoal().goal
-        goal.trajectory.joint_names = list(names)
-        goal.trajectory.points = [
-            JointTrajectoryPoint(positions=p, velocities=v, accelerations=a, time_from_start=rospy.Duration.from_sec(t))
-            for t, p, v, a in zip(time_s.tolist(), position.tolist(), velocity.tolist(), acceleration.tolist())]
+    def perform(self, goal: Any, cancelled: threading.Event) -> End:
+        """Send a goal, and wait for its end; when cancelled, for the rest of the arm after that."""
         if cancelled.is_set():
             return End(False, "interrupted")
         self._client.send_goal(goal)
@@ -160,6 +155,33 @@ class TrajectoryClient:
 
     def _end(self) -> End:
         result = self._client.get_result()
-        text = result.error_string if result is not None else ""
+        text = str(getattr(result, self._text)) if result is not None else ""
         return End(self._client.get_state() == actionlib.GoalStatus.SUCCEEDED,
                    text or self._client.get_goal_status_text())
+
+
+class TrajectoryClient(GoalClient):
+    """A client that sends joint trajectories."""
+
+    def __init__(self, action: str, timeout_s: float) -> None:
+        """Connect to an action by its name; raise DriverNotThere where nobody offers it within the time, s."""
+        super().__init__(action, action_type(), "error_string", timeout_s)
+
+    def follow(self, names: Sequence[str], time_s: Array, position: Array, velocity: Array, acceleration: Array,
+               cancelled: threading.Event) -> End:
+        """Have the arm go along points, and wait for its rest; when cancelled, for the rest after that.
+
+        Args:
+            names: Names of the joints.
+            time_s: Times of the points, s (n,).
+            position: rad (n, joints).
+            velocity: rad/s (n, joints).
+            acceleration: rad/s2 (n, joints).
+            cancelled: Set to have the arm brake on its path.
+        """
+        goal = self.new_goal()
+        goal.trajectory.joint_names = list(names)
+        goal.trajectory.points = [
+            JointTrajectoryPoint(positions=p, velocities=v, accelerations=a, time_from_start=rospy.Duration.from_sec(t))
+            for t, p, v, a in zip(time_s.tolist(), position.tolist(), velocity.tolist(), acceleration.tolist())]
+        return self.perform(goal, cancelled)

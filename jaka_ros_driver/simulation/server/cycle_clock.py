@@ -49,24 +49,21 @@ class CycleClock:
         self.next_tick = self._origin + (self._ticks + 1) * self._tick
         return cycles
 
-    def moment_before(self, now: float, cycles: int) -> float:
-        """Return the moment of the wall clock, s, so many cycles before another one."""
-        return now - cycles * CYCLE_TIME_S / self._scale
+    def due_frames(self, now: float, period: float) -> int:
+        """Return the number of frames to send now, one for each period of the feed, s of simulated time.
 
-    def frame_is_due(self, now: float, period: float) -> bool:
-        """Return True once in each period of the feed, s of simulated time.
-
-        now: wall clock, s.
+        now: wall clock, s. After a standstill of the computer it is one, as with cycles.
         """
         wall_period = max(period / self._scale, MIN_FEED_PERIOD_S)
         if wall_period != self._feed_period:
             self._feed_period = wall_period
             self.next_frame = self.next_tick
         if now < self.next_frame - _SAME_MOMENT_S:
-            return False
-        missed = int((now - self.next_frame) / wall_period)
-        self.next_frame += (1 + max(0, missed)) * wall_period
-        return True
+            return 0
+        late = max(0.0, now - self.next_frame)
+        due = 1 + int(late / wall_period)
+        self.next_frame += due * wall_period
+        return due if late <= _MAX_LAG_S else 1
 
     def lateness(self) -> Dict[str, float]:
         """Return the lateness of the cycles of the last minute, s.

@@ -196,18 +196,13 @@ class ControllerServer:
         if self.is_off:
             return
         cycles = self._clock.due_cycles(now)
-        for later in reversed(range(cycles)):
+        for _ in range(cycles):
             self.controller.step(CYCLE_TIME_S)
-            self._send_due_frame(self._clock.moment_before(now, later), now)
         if cycles and self._log:
             self._log.joints(time.monotonic_ns(), self.controller.state.now,
                              self.controller.state.plant.joint_position)
-        if not cycles:
-            self._send_due_frame(now, now)
-
-    def _send_due_frame(self, moment: float, now: float) -> None:
-        """Send the frame that is due at a moment; a controller skips none because its client's computer is busy."""
-        if self._clock.frame_is_due(moment, self.controller.state.feed_period):
+        # A controller skips no frame because its client's computer is busy; what comes late has the state of now.
+        for _ in range(self._clock.due_frames(now, self.controller.state.feed_period)):
             self._send_frames(now)
 
     def _take_calls(self) -> None:

@@ -3,8 +3,17 @@ import numpy as np
 import pytest
 from synthetic_session import Conditions, moves, simulate, write_log
 
+from jaka_bag.compare.checks.state_checks import _nearest
 from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.verdict import Aspect
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 40])
+def test_the_nearest_begin_is_found_without_a_look_at_all(count):
+    starts = np.sort(np.random.RandomState(count).randint(0, 30, count) * 0.5).tolist()
+    for at in np.arange(-1.0, 17.0, 0.25).tolist():
+        expected = min(((abs(start - at), start - at) for start in starts), default=(np.inf, np.inf))
+        assert _nearest(starts, at) == expected
 
 
 def differences(tmp_path, change):

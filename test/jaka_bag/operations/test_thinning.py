@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from jaka_bag.operations import quantiles
 from jaka_bag.operations.quantiles import Quantiles
 from jaka_bag.operations.thinning import Changes, EveryNth, MinMax
 
@@ -49,6 +50,18 @@ def test_changes_are_the_first_and_last_sample_of_each_run(count):
     for pieces in (1, 3, 40):
         found, levels = fed(Changes(1 << 20), pieces, time, values).points()
         assert found.tolist() == expected.tolist() and levels.tolist() == values[expected].tolist()
+
+
+@pytest.mark.parametrize("spread", [0.01, 1.0, 20.0])
+def test_classes_are_counted_as_by_sorting_all(spread):
+    random = np.random.RandomState(3)
+    values = 0.008 * np.exp(spread * random.normal(size=60000))
+    values[random.randint(0, len(values), 900)] = 0.0
+    values[random.randint(0, len(values), 900)] *= -1.0
+    many = fed(Quantiles(1000), 40, values)
+    many.median()
+    classes, counts = np.unique(quantiles._classes_of(values), return_counts=True)
+    assert many._classes.tolist() == classes.tolist() and many._counts.tolist() == counts.tolist()
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, -3.0])

@@ -323,7 +323,7 @@ def test_every_button_answers(panel, open_page):
     page = open_page(control=True, height=1400)
     dead = []
     clicked = 0
-    for tab in ("jog", "move", "run", "io", "setup", "simulator"):
+    for tab in ("jog", "move", "run", "io", "setup", "teach", "cell", "simulator"):
         page.click("#tab-" + tab)
         count = page.evaluate("document.querySelectorAll('main button, .switches button').length")
         for number in range(count):

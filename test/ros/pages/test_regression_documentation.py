@@ -68,13 +68,12 @@ def test_each_command_of_the_page(root, shell, free_ports):
         assert {"report.html", "report.xml", "report.json", "candidate.mcap"} <= reports
         assert ("scenario.yaml" in reports) == (name == "test_program.py_test_program")
     assert (shell.folder / "results.xml").exists()
+    # the others fail in test_pytest_plugin.py and test_cell.py
     tolerate(shell.folder, {"calls": {"duration_s": 0, "duration_percent": 0}})  # no run is as exact as that
-    tests = [line for block in blocks(root / PAGE) for line in block.text.strip().splitlines()
-             if block.language == "sh" and ("-m pytest" in line or line.startswith("rostest"))]
-    assert len(tests) == 4
-    for line in tests:
-        code, said = shell.run(line)
-        assert code != 0 and "DIFFERENT" in said, "%s\n%s" % (line, said)
+    (line,) = [line for block in blocks(root / PAGE) for line in block.text.strip().splitlines()
+               if block.language == "sh" and line.startswith("rostest jaka_ros_driver replay_golden.test")]
+    code, said = shell.run(line)
+    assert code != 0 and "DIFFERENT" in said, "%s\n%s" % (line, said)
 
 
 def test_the_examples_of_a_scenario_are_understood(root):

@@ -1,4 +1,5 @@
 """A panel on a running driver: the messages of a page, and each of its commands, with one page and with two."""
+import contextlib
 import math
 import os
 import signal
@@ -6,10 +7,22 @@ import subprocess
 import time
 
 import pytest
+import rospy
 from driver_bench import HOME, LiveDriver
 from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
 from waiting import WAIT, eventually
+
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import (
+    IDENTITY,
+    compose,
+    distance_between,
+    matrix_from_rotation_vector,
+    rotation_angle_between,
+    transform,
+)
 
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
 SCRIPT = "<script>alert(1)</script>"
@@ -27,7 +40,8 @@ def panel(live, tmp_path_factory):
     logs = tmp_path_factory.mktemp("logs")
     (logs / "no log.txt").write_text("x")
     (logs / (SCRIPT.replace("/", "") + ".bag")).write_text("x")
-    with PanelProcess("--logs", str(logs), "--simulator-panel", str(live.simulator.ports["panel_port"])) as panel:
+    with PanelProcess("--logs", str(logs), "--simulator-panel", str(live.simulator.ports["panel_port"]),
+                      "--cell-data", str(logs / "cell" / "cell.json")) as panel:
         panel.logs = logs
         yield panel
 
@@ -88,6 +102,15 @@ def runs(page, live, arm, plan):
         return page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)["ok"] and page.command(
             "plan_run", arm, plan=plan["plan"])["ok"]
     return eventually(done) and there(live, plan["end"])
+
+
+def refuses(page, arm, plan, why):
+    """Run a plan that is refused for this reason; again where a busy host is another one."""
+    def done():
+        answer = page.command("plan_run", arm, plan=plan["plan"])
+        assert not answer["ok"]
+        return why in answer["message"]
+    return eventually(done)
 
 
 def state(page, arm, holds):
@@ -186,6 +209,13 @@ def test_each_setting_does_what_it_says(page, live, arm):
     assert flange[2] == pytest.approx(live.simulator.state()["tcp_pose"][2], abs=0.5)
     ok("user_frame", number=1, p=[0.1, 0.0, 0.0], r=[0.0, 0.0, 0.5])
     state(page, arm, lambda s: s["tool"]["frame"].endswith("user_frame_1") and s["tool_id"] == 2 and s["user_id"] == 1)
+    pose = ok("present_pose")
+    base_t_flange = forward(load_model("zu7"), HOME)
+    tip = compose(base_t_flange, transform(IDENTITY[:9], [0.0, 0.0, 0.1]))
+    for shown, expected in ((pose["flange"], base_t_flange), (pose["tool"], tip)):
+        there = transform(matrix_from_rotation_vector(shown["r"]), shown["p"])
+        assert distance_between(there, expected) < 2e-4 and rotation_angle_between(there, expected) < 1e-3, pose
+    assert pose["q"] == pytest.approx(HOME, abs=1e-3) and (pose["tool_number"], pose["user_number"]) == (2, 1)
     ok("payload", tool=2, mass=0.5, centre=[0.0, 0.0, 0.05])
     assert page.command("settings", arm)["data"]["payload"] == {"mass": 0.5, "centre": [0.0, 0.0, 0.05]}
     ok("user_frame", number=1, p=[0.0, 0.0, 0.0], r=[0.0, 0.0, 0.0])
@@ -243,6 +273,58 @@ def test_a_trajectory_is_drawn_before_it_is_run_and_begins_where_the_arm_is(page
     at_1_s = {"t": 1.0, "q": HOME}
     for wrong in ([], [{"t": 1.0, "q": [99.0] * 6}], [at_1_s, at_1_s], [{"t": 0.0, "q": HOME}], [5], "x"):
         assert not page.command("plan_points", arm, points=wrong)["ok"]
+
+
+def test_a_list_of_motions_is_drawn_run_and_ended_by_whoever_stops_the_arm(page, live, arm):
+    pose = page.command("fk", arm, q=STAGE)["data"]
+
+    def beside(x, z):
+        p = [pose["p"][0] + x, pose["p"][1], pose["p"][2] + z]
+        return page.command("ik", arm, p=p, r=pose["r"], near=STAGE)["data"]["q"]
+    points = {"stage": STAGE, "up": beside(0.0, 0.04), "via": beside(0.02, 0.06), "end": beside(0.04, 0.04)}
+    page.send(t="cell")
+    revision = page.wait("cell")["revision"]
+    assert page.command("cell_change", None, revision=revision, changes=[
+        {"section": "points", "arm": arm, "name": name, "entry": {"q": q}} for name, q in points.items()])["ok"]
+    output = {"kind": "output", "signal": "digital", "bank": "cabinet", "index": 5, "value": True}
+    go_home(live)
+    assert there(live, HOME)
+    plan = page.command("plan_list", arm, steps=[
+        {"kind": "joint", "point": "stage", "speed": 1.0}, {"kind": "line", "point": "up", "speed": 0.1}, output,
+        {"kind": "wait", "s": 0.1}, {"kind": "arc", "via": "via", "point": "end", "speed": 0.1}])["data"]
+    assert plan["path"][0] == pytest.approx(HOME, abs=1e-3) and plan["end"] == pytest.approx(points["end"], abs=1e-3)
+    assert runs(page, live, arm, plan), "it arrives"
+    page.wait("io", lambda m: m["banks"]["cabinet"]["do"][5])
+    assert eventually(lambda: page.command("tool_frame", arm, number=2, p=[0.0, 0.0, 0.05], r=[0.0, 0.0, 0.0])["ok"])
+    assert eventually(lambda: page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)["ok"])
+    assert refuses(page, arm, plan, "step 1: tool or user frame are others")
+    assert eventually(lambda: page.command("tool_frame", arm, number=2, p=[0.0] * 3, r=[0.0] * 3)["ok"])
+    assert eventually(lambda: page.command("joint_move", arm, q=STAGE, speed=1.0, acc=4.0)["ok"])
+    assert refuses(page, arm, plan, "step 1: joint") and refuses(page, arm, plan, "move there first")
+    plan = page.command("plan_list", arm, steps=[
+        {"kind": "line", "point": "up", "speed": 0.1}, {**output, "index": 6}, {"kind": "wait", "s": 60.0},
+        {"kind": "joint", "point": "stage", "speed": 1.0}])["data"]
+
+    def is_set():
+        return [m for m in page.messages if m["t"] == "io"][-1]["banks"]["cabinet"]["do"][6]
+
+    def ends_in_its_wait():
+        page.command("set_output", arm, **{**output, "index": 6, "value": False})
+        page.command("joint_move", arm, q=plan["start"], speed=1.0, acc=4.0)
+        answer = page.begin_command("plan_run", arm, plan=plan["plan"])
+        eventually(is_set, 10.0)
+        with contextlib.suppress(rospy.ServiceException):  # a busy host: whether the arm rests is not seen
+            live.arm.call("stop_move")
+        ended = answer()
+        assert not ended["ok"]
+        return "step 3" in ended["message"] and "stopped" in ended["message"]
+    assert eventually(ends_in_its_wait), "nothing goes on by itself; again where a busy host has ended it before"
+    assert there(live, points["up"])
+    long = [{"kind": "line", "point": point, "speed": 0.1} for point in ("up", "stage")] * 10
+    first, second = (page.begin_command("plan_list", arm, steps=long) for _ in range(2))
+    assert "being planned" in second()["message"] and first()["ok"]
+    for wrong in ([], "x", [{"kind": "line", "point": "nowhere", "speed": 0.1}], [{"kind": "jump"}]):
+        assert not page.command("plan_list", arm, steps=wrong)["ok"]
 
 
 def test_logs_are_those_of_the_folder_and_a_name_leads_nowhere_else(page, panel, arm):

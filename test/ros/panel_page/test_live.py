@@ -74,6 +74,8 @@ def test_from_the_first_command_to_an_arm_that_moved_by_clicks_only(demo):
         note("the arm was jogged")
         come_back(page)
         note("it came back to a typed target")
+        store_a_point_take_a_pose_and_run_a_list(page)
+        note("a point was stored, a pose taken, a list run")
         press_the_emergency_stop_and_recover(page)
         note("it was stopped in an emergency, and recovered")
         assert not page.complaints, page.complaints
@@ -103,6 +105,24 @@ def come_back(page):
     page.click("#panel-move .go")
     page.until_text("#panel-move .said", "Arrived")
     page.until("Math.abs(%s - %r) < 0.1" % (FIRST_JOINT, before))
+
+
+def store_a_point_take_a_pose_and_run_a_list(page):
+    page.click("#point-name")
+    page.call("Input.insertText", text="here")
+    page.click("#panel-move .card .buttons button")
+    page.until_text("#panel-move .points", "here")
+    page.click("#tab-teach")
+    page.click("#teach-frame [data-point=origin]")
+    page.until_text("#teach-frame .points", " mm")
+    page.click("#tab-jog")
+    jog(page)
+    page.click("#tab-run")
+    page.click("#list-run .buttons > button[data-t='list.add']")
+    page.click("#list-run .needs-control")
+    page.until_text("#panel-run .said", "Planned")
+    page.click("#panel-run .go")
+    page.until_text("#panel-run .said", "Done")
 
 
 def take_control(page):

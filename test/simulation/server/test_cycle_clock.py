@@ -48,22 +48,29 @@ def test_frames_keep_their_period(scale, period, wall):
     clock, frames, steps = CycleClock(scale, 0.0), 0, 0
     while steps < 20000:
         steps += 1
-        frames += clock.frame_is_due(steps * 0.0005, period)
+        frames += clock.due_frames(steps * 0.0005, period)
     assert frames == pytest.approx(10.0 / wall, rel=0.01, abs=1)
 
 
 def test_frames_of_8_ms_go_out_with_the_cycle():
     clock, now = CycleClock(1.0, 0.0), 0.0
-    clock.frame_is_due(0.0, 0.03)
+    clock.due_frames(0.0, 0.03)
     for _ in range(50):
         now = clock.next_tick + 0.0002
         clock.due_cycles(now)
-        clock.frame_is_due(now, 0.008)
+        clock.due_frames(now, 0.008)
     for _ in range(50):
         now = clock.next_tick + 0.0002
         assert clock.due_cycles(now) == 1
-        assert clock.frame_is_due(now, 0.008)
+        assert clock.due_frames(now, 0.008) == 1
         assert clock.next_frame == pytest.approx(clock.next_tick, abs=1e-9)
+
+
+def test_frames_that_are_late_are_not_left_out_but_for_a_standstill():
+    clock = CycleClock(1.0, 0.0)
+    assert clock.due_frames(0.008, 0.008) == 1 and clock.due_frames(0.015, 0.008) == 0
+    assert clock.due_frames(0.1085, 0.008) == 12 and clock.next_frame == pytest.approx(0.112)
+    assert clock.due_frames(30.0, 0.008) == 1 and clock.next_frame == pytest.approx(30.008)
 
 
 def test_lateness_is_measured():

@@ -13,6 +13,7 @@ from typing import Any, Callable, Dict, List, Optional
 from aiohttp import WSMsgType, web
 from import_graph import ROOT
 
+from jaka_panel.cell.contents import Entries, check_change, with_changes
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
 
@@ -36,7 +37,7 @@ def arm_info(name: str = ARM, **changed: Any) -> Dict[str, Any]:
                  "joints": joints,
                  "frames": {"base": "base_link", "flange": "tool0", "tool": "tool"},
                  "has": {"programs": True, "speed": True, "recover": True, "wrench": False, "trajectory": True,
-                         "zero_force": True},
+                         "zero_force": True, "path": True},
                  "simulator": True, "jog": {"joint": 0.5, "linear": 0.25, "angular": 0.5},
                  "description": "1"}, **changed)
 
@@ -60,6 +61,7 @@ class FakePanel:
         wave: The arm swings by so much, rad.
         received: Messages of pages, in order, but pings.
         silent: Nothing is sent any more, as by a server that stands still.
+        cell, cell_revision: The data of the cell, which pages change as with a real server.
         refusing: No page gets a connection, as from a server that is not there.
         answers: By command: a function that makes an answer of the arguments, None for one that comes later; other
             commands are answered with success.
@@ -72,13 +74,20 @@ class FakePanel:
                                          "ao": [0.0] * 2},
                              "tool": {"di": [False] * 2, "do": [False] * 2, "ai": [], "ao": []}}, "relays": []}
         self.first: List[Dict[str, Any]] = []
+        self.cell: Entries = {}
+        self.cell_revision = 1
         self.wave = 0.0
         self.may, self.why = "command", ""
         self.silent = False
         self.refusing = False
         self.received: List[Dict[str, Any]] = []
         self.stops: List[str] = []
-        self.answers: Dict[str, Callable[[Dict[str, Any]], Optional[Dict[str, Any]]]] = {}
+        pose = {"p": [0.4, 0.1, 0.2], "r": [0.0, 0.0, 0.0]}
+        self.answers: Dict[str, Callable[[Dict[str, Any]], Optional[Dict[str, Any]]]] = {
+            "present_pose": lambda arguments: {"data": {"q": list(HOME), "tool": pose, "flange": pose, "model": "zu7"}},
+            "teach_user_frame": lambda arguments: {"data": dict(pose, residual=None, turn=0.005)},
+            "cell_export": lambda arguments: {"data": {"text": "{}"}},
+            "cell_versions": lambda arguments: {"data": {"versions": [{"revision": 1, "saved": "", "by": ""}]}}}
         self.number = 0
         self._pages: Dict[str, web.WebSocketResponse] = {}
         self._holder: Optional[str] = None
@@ -186,6 +195,19 @@ class FakePanel:
                 await self._send(self._pages[self._asked], {"t": "error", "code": "control_refused", "message": "no"})
             self._asked = None
             await self._tell_control()
+        elif kind == "cell":
+            await self._send(socket, {"t": "cell", "revision": self.cell_revision, "saved": "", "by": "", "problem": "",
+                                      "file": "cell.json", "data": self.cell})
+        elif kind == "cmd" and said["cmd"] == "cell_change":
+            is_present = said["args"]["revision"] == self.cell_revision
+            if is_present:
+                changes = [check_change(change, 1) for change in said["args"]["changes"]]
+                self.cell = with_changes(self.cell, changes)
+                self.cell_revision += 1
+                for other in list(self._pages.values()):
+                    await self._send(other, {"t": "cell_changed", "revision": self.cell_revision, "by": page,
+                                             "problem": "", "changes": said["args"]["changes"]})
+            await self._send(socket, {"t": "answer", "id": said["id"], "ok": is_present, "message": "stale"})
         elif kind == "cmd":
             answer = self.answers.get(said["cmd"], lambda arguments: {})(said["args"])
             done = {"t": "answer", "id": said["id"], "ok": True, "message": "", "data": {}}

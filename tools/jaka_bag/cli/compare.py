@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Callable, List, Optional, Tuple
 
+from ..allocator import keep_freed_memory
 from ..compare.audit.auditing import audit, finding_line, summary
 from ..compare.comparison import CannotCompare, compare_logs
 from ..compare.learning import learn
@@ -64,6 +65,7 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
 
 def _compared(args: argparse.Namespace, tolerances: Tolerances) -> Comparison:
     """Compare the two logs; where that fails the reports give the reason, and are not those of an earlier run."""
+    keep_freed_memory()
     try:
         return compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
     except BagError as error:

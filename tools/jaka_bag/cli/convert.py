@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import List, Optional
 
+from ..allocator import keep_freed_memory
 from ..containers.index import is_rosbag2
 from ..errors import BagError, UsageError
 from ..operations.convert import Job, WriteResult, convert_file
@@ -129,6 +130,7 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
 
 def run(args: argparse.Namespace) -> int:
     """Convert; the exit code."""
+    keep_freed_memory()  # processes of --jobs are forks, and do so, too
     report = Report(args)
     source = Path(args.source)
     output = output_of(args)

@@ -244,7 +244,7 @@ class EncodedChunk(NamedTuple):
     """
 
     head: bytes
-    body: bytes
+    body: Buffer
     indexes: List[Tuple[int, bytes]]
     counts: Dict[int, int]
     start_time: int
@@ -356,7 +356,7 @@ class LogWriter:
         """Return the file descriptor, for ``fsync``."""
         return self._output.file.fileno()
 
-    def _write(self, *pieces: bytes) -> int:
+    def _write(self, *pieces: Buffer) -> int:
         """Write records; return the position of the first. On failure the file is truncated to its former size."""
         begin = self.position
         try:
@@ -402,10 +402,13 @@ class LogWriter:
         """
         raise NotImplementedError
 
-    def _packed(self, data: Array) -> Tuple[str, bytes]:
+    def _packed(self, data: Array) -> Tuple[str, Buffer]:
         """Return the codec and the stored bytes of a chunk: none where readers would not unpack them."""
-        body = self._compress(data.data)
-        return (self._codec, body) if is_readable(len(data), len(body)) else ("none", data.tobytes())
+        if self._codec != "none":
+            body = self._compress(data.data)
+            if is_readable(len(data), len(body)):
+                return self._codec, body
+        return "none", data.data
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
         """Write a chunk that ``encode`` made (None: nothing) after what was written so far."""

@@ -16,6 +16,7 @@ import warnings
 from collections import deque
 from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple
 
+from .. import allocator
 from ..errors import BagError, MissingDependency
 from ..interrupts import held_back
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
@@ -34,10 +35,8 @@ _TRIES = 5
 _CALM = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
          "distributed.admin.system-monitor.interval": "2s", "distributed.worker.memory.monitor-interval": "1s"}
 """Dask's watching of itself takes 5 % of a processor here and 3 % of each worker's as it is set, and 1 % so."""
-_KEEPS_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_" + name: size for name, size in (
-    ("TRIM_THRESHOLD_", 128 << 20), ("MMAP_THRESHOLD_", 32 << 20), ("TOP_PAD_", 16 << 20))}
-"""Dask has its workers give memory back at once. The next log needs the same again, and while the system clears it, two
-workers hold each other up. See mallopt(3)."""
+_KEEPS_MEMORY = {"distributed.nanny.pre-spawn-environ." + name: size for name, size in allocator.environment().items()}
+"""Dask has its workers give memory back at once."""
 
 
 @contextlib.contextmanager

@@ -222,8 +222,17 @@ def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, Mess
         numbers = np.arange(int(batch.connection.max(initial=0)) + 1) if ids is None else ids
         return size, len(batch), [writer.encode(piece, numbers) for piece in pieces_of(batch, _MAX_PIECE)]
 
+    def encoded_items() -> Iterator[Tuple[int, int, List[Optional[EncodedChunk]]]]:
+        waiting = iter(items)
+        for item in waiting:  # a bag's first chunk carries the connections: how many more would depend on the threads
+            first = work(item)
+            yield first
+            if first[1]:
+                break
+        yield from in_order(work, waiting, workers)
+
     written = 0
-    for size, count, encoded in in_order(work, items, workers):
+    for size, count, encoded in encoded_items():
         for chunk in encoded:
             writer.append(chunk)
         written += count

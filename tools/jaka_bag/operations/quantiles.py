@@ -9,6 +9,8 @@ _EXACT = 1 << 18
 """Number of values up to which they are kept as they are."""
 _SHIFT = 38
 """Beyond it values count as equal that differ only in the last 38 bits: by 1/16384 of themselves."""
+_DENSE = 1 << 17
+"""Neighbouring classes, eight powers of two, that are counted in a table: sorting takes ten times as long."""
 
 
 class Quantiles:
@@ -44,9 +46,17 @@ class Quantiles:
             return
         values = np.concatenate(self._kept)
         self._kept, self._kept_count, self._exact = [], 0, _EXACT // 4
-        number = np.sort(_classes_of(values))
-        first = np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]]))
-        self._add_classes(number[first], np.diff(first, append=len(number)))
+        number = _classes_of(values)
+        first = int(number[len(number) // 2]) - _DENSE // 2
+        inside = (number >= first) & (number < first + _DENSE)
+        if not inside.all():
+            self._add_classes(*np.unique(number[~inside], return_counts=True))
+        table = np.bincount(number[inside] - first, minlength=_DENSE)
+        begin, end = np.searchsorted(self._classes, (first, first + _DENSE))
+        table[self._classes[begin:end] - first] += self._counts[begin:end]
+        which = np.flatnonzero(table)
+        self._classes = np.concatenate([self._classes[:begin], which + first, self._classes[end:]])
+        self._counts = np.concatenate([self._counts[:begin], table[which], self._counts[end:]])
 
     def _add_classes(self, number: Array, counts: Array) -> None:
         classes, place = np.unique(np.concatenate([self._classes, number]), return_inverse=True)

@@ -12,7 +12,7 @@ from jaka_bag.operations.parquet import load_pyarrow
 from ..dataset.adding import AddSettings, add_log, find_logs
 from ..dataset.runs import COMPACT_ABOVE, RECOVERED, UNREADABLE, RunRow, check_version, compact, is_in, loose_count
 from ..dataset.store import FolderStore, open_store
-from .engine import add_engine, engine_of, for_workers, work_through
+from .engine import add_engine, choose_engine, for_workers, work_through
 
 EPILOG = """\
 Each topic becomes topic=NAME/date=YYYY-MM-DD/CELL-RUN.parquet, each log a row of the table runs. A log that is in, by
@@ -21,10 +21,13 @@ at any moment it leaves no log half in: call it again. With --dask the workers s
 names, and have the same version of this package.
 
 examples:
-  jaka_bag dataset add logs --to fleet                        a cluster of this computer's processors
+  jaka_bag dataset add logs --to fleet                        where there is much to do, on all processors
   jaka_bag dataset add logs --to fleet --cell-from 'logs/(\\w+)/'    the folder below logs is the cell
   jaka_bag dataset add logs --to s3://plant/fleet --cell press_4 --dask tcp://head:8786
 """
+
+_WORTH_BYTES = 300_000_000
+"""Work, bytes, that one process does in 4 s: then a few workers have started, and done it (``bench_fleet --start``)."""
 
 
 def pattern(text: str) -> str:
@@ -58,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--cell and --cell-from do not go together")
     settings = AddSettings(for_workers(args, args.to), args.cell, args.cell_from, args.again)
     tasks = [LogTask(path, settings) for path in find_logs([for_workers(args, one) for one in args.sources])]
-    engine = engine_of(args, len(tasks))
+    choice = choose_engine(args, tasks, _WORTH_BYTES)
     store = open_store(args.to)
     check_version(store, is_to_be_made=True)
     rows: List[RunRow] = []
@@ -86,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
 
     tidy_up()
     try:
-        tally = work_through(add_log, tasks, engine, report, take)
+        tally = work_through(add_log, tasks, choice, report, take)
     finally:
         tidy_up()
     if loose_count(store) > COMPACT_ABOVE and isinstance(store, FolderStore):

@@ -27,7 +27,7 @@ from ..dataset.adding import find_logs
 from ..dataset.runs import UNREADABLE, check_version, is_dataset, read_runs
 from ..dataset.store import open_store
 from .add import pattern
-from .engine import add_engine, engine_of, for_workers, work_through
+from .engine import add_engine, choose_engine, for_workers, work_through
 
 EPILOG = """\
 Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
@@ -54,6 +54,8 @@ examples:
 FOLDER = "compare"
 """Folder of a data set where results are."""
 PAGE, REPORTS = "report.html", "reports"
+_WORTH_BYTES = 90_000_000
+"""Work, bytes, that one process does in 4 s: then a few workers have started, and done it (``bench_fleet --start``)."""
 
 
 class Candidate(NamedTuple):
@@ -158,7 +160,7 @@ def _compare_all(args: argparse.Namespace, setup: Setup, results: Results, repor
         results.add(outcome)
 
     if tasks:
-        work_through(compare_task, tasks, engine_of(args, len(tasks)), report, take)
+        work_through(compare_task, tasks, choose_engine(args, tasks, _WORTH_BYTES), report, take)
     return _one_each(outcomes, report)
 
 
@@ -193,7 +195,7 @@ def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, his
 
     if tasks:
         folder.mkdir(exist_ok=True)
-        engine = engine_of(args, len(tasks)) if args.dask else Serial()
+        engine = choose_engine(args, tasks, _WORTH_BYTES).engine if args.dask else Serial()
         run_tasks(compare_task, tasks, engine, take)
 
 

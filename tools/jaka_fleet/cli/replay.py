@@ -20,9 +20,11 @@ from jaka_regression.replay import takes_time_scale
 from ..replay.driver_source import DriverSource, driver_source
 from ..replay.replay_task import ReplayOutcome, ReplaySettings, replay_task
 from ..replay.report import Replayed, as_data, as_junit, as_page, as_text
-from .engine import add_engine, engine_of, work_through
+from .engine import add_engine, choose_engine, work_through
 
 _LOGS = (".mcap", ".bag")
+_WORTH_BYTES = 0
+"""Work, bytes, from which on workers are worth their start: each replay takes longer than that, whatever its log."""
 
 EPILOG = """\
 Each golden log happens again on a stage of its own: a ROS master, simulated controllers, the driver and a recorder, all
@@ -124,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
         _write(folder / name, result.value)
         replays.append(Replayed(name, result.path, result.value, seconds=result.seconds))
 
-    work_through(replay_task, tasks, engine_of(args, len(tasks)), report, take)
+    work_through(replay_task, tasks, choose_engine(args, tasks, _WORTH_BYTES), report, take)
     replays.sort(key=lambda one: one.name)
     outputs = [(str(page), as_page(replays, driver.name, time.monotonic() - begin)),
                (args.junit, as_junit(replays, driver.name))]

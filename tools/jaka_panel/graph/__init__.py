@@ -11,5 +11,7 @@ stop_link      that connection, on which every wait has a limit
 registration   this node at a ROS master that was started anew
 jog_publishers  the publishers of the driver's velocity jog topics
 description    URDF, limits of the joints, meshes
+arm_pose       the pose at which an arm rests, for points and teaching
+motion_lists   lists of motions: planned with the driver, run through its paths
 trajectories   trajectories to the driver's action
 """

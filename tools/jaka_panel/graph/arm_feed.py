@@ -28,6 +28,7 @@ STALE_S = 0.3
 KEPT_CALLS = 50
 _LONGEST_TEXT = 2000
 _IO_PERIOD_S = 0.1
+_STOPS = ("stop_move", "stop_motion")
 _PENDING = 2000
 _BANKS = ("cabinet", "tool", "extension", "modbus_slave", "profinet_slave", "ethernet_ip_slave")
 _MODES = {2: "auto", 1: "manual"}
@@ -64,6 +65,7 @@ class ArmFeed:
         history: Curves of the joints, while somebody watches.
         simulated: True, False, or None while it is not known.
         joints_heard_at: Reception of the newest sample of the joints, monotonic time, s; -1e9 before the first.
+        stops: Number of calls that stopped the arm, by whomever.
     """
 
     def __init__(self, driver: Driver) -> None:
@@ -73,6 +75,7 @@ class ArmFeed:
         self.history = History()
         self.simulated: Optional[bool] = None
         self.joints_heard_at = -1e9
+        self.stops = 0
         self._heard: Dict[str, Heard] = {}
         self._samples: Deque[Heard] = deque(maxlen=_PENDING)
         self._errors: Deque[Heard] = deque(maxlen=_PENDING)
@@ -363,6 +366,7 @@ class ArmFeed:
 
     def _call_news(self, message: Any) -> List[Dict[str, Any]]:
         self._call_count += 1
+        self.stops += message.service.rpartition("/")[2] in _STOPS
         call = {"n": self._call_count, "wall": round(message.header.stamp.to_sec(), 3), "service": message.service,
                 "name": message.service[len(self.driver.node) + 1:] if message.service.startswith(
                     self.driver.node + "/") else message.service,

@@ -12,6 +12,8 @@ simulator_link  the simulated controller's operator port
 arm_desk        all that belongs to one arm
 hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop
+cell_desk       the data of the cell: to all pages, and changes of them
+teaching        the present pose, frames and tools from poses
 session         one page: its messages out, what it watches and moves
 websocket_session  the WebSocket session of a page, from hello to the end
 server          addresses, for the connections of one loop

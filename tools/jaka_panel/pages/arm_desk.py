@@ -3,7 +3,7 @@ import threading
 from typing import Any, Dict, List, Optional, Set
 
 from ..authority.jog_hold import JogSpeedLimits, Place
-from ..graph import description
+from ..graph import description, motion_lists
 from ..graph.arm_feed import STALE_S, ArmFeed
 from ..graph.arms import Driver
 from ..graph.jog_publishers import JogPublishers
@@ -27,6 +27,7 @@ class ArmDesk:
         is_listed: True if the master knows the driver.
         has_simulator: True if the simulated controller's operator port answers.
         cancels: Set to end trajectories that run.
+        is_planning: True while a list of motions is planned.
     """
 
     def __init__(self, driver: Driver, simulator_port: int) -> None:
@@ -39,6 +40,7 @@ class ArmDesk:
         self.has_simulator = False
         self.simulator_port = driver.simulator_port or simulator_port
         self.cancels: Set[threading.Event] = set()
+        self.is_planning = False
         self.watched_at = -1e9
         self._description: Optional[description.Description] = None
         self._was_generated = False
@@ -110,7 +112,8 @@ class ArmDesk:
                 ("base", "base_link"), ("flange", "tool0"), ("tool", "tool"))},
             "has": {"programs": driver.offers("program/play"), "speed": driver.offers("set_speed_slider"),
                     "recover": driver.offers("recover"), "wrench": driver.publishes("wrench"),
-                    "trajectory": driver.action is not None, "zero_force": driver.offers("zero_ftsensor")},
+                    "trajectory": driver.action is not None, "zero_force": driver.offers("zero_ftsensor"),
+                    "path": motion_lists.is_offered(driver)},
             "simulator": self.has_simulator and self.feed.simulated is True, "jog": driver.jog_limits,
             "description": None if about is None else about.fingerprint,
             "zones": self.feed.zones if driver.offers("set_workspace") else None}

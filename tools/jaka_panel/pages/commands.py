@@ -4,13 +4,16 @@ import threading
 import time
 from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
 
-from ..graph import trajectories
-from ..graph.calls import NoAnswer, TooManyCalls
+from ..cell.contents import SECTIONS, WrongCell
+from ..graph import motion_lists, trajectories
+from ..graph.calls import Calls, NoAnswer, TooManyCalls
 from ..graph.requests import MOTION_S, REQUESTS, CallResult, WrongRequest, number, text
+from ..plans.motion_list import ListPlan
 from ..plans.plan_store import LOG_TIMEOUT_S
 from ..plans.point_plan import WrongPlan, plan_of_points
-from . import simulator_link
+from . import simulator_link, teaching
 from .arm_desk import ArmDesk
+from .cell_desk import CellDesk
 from .hub import Hub
 from .session import Session
 
@@ -24,7 +27,8 @@ class Command(NamedTuple):
     """A command of a page.
 
     Attributes:
-        perform: Function that carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
+        perform: Function that carries it out; raises WrongRequest, WrongPlan, WrongCell, NoAnswer, TooManyCalls,
+            OSError.
         needs_control: True if the token is not enough.
         needs_arm: True if it is for one arm.
     """
@@ -46,7 +50,7 @@ async def answer_to(hub: Hub, page: Session, message: Args) -> CallResult:
     try:
         outcome: CallResult = await command.perform(hub, page, desk, args)
         return outcome
-    except (WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError) as error:
+    except (WrongRequest, WrongPlan, WrongCell, NoAnswer, TooManyCalls, OSError) as error:
         return CallResult(False, str(error))
 
 
@@ -75,6 +79,25 @@ async def _plan_points(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Ca
     return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
 
 
+async def _plan_list(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    steps = args.get("steps")
+    SECTIONS["lists"]({"steps": steps}, "the list")
+    joints = desk.feed.joints
+    if joints is None or desk.place(time.monotonic()) is None:
+        return CallResult(False, "the arm's joints are not known")
+    points = hub.cell.entries("points", desk.driver.node)
+    begin, limits = joints.position, desk.joint_limits
+    if desk.is_planning:  # each pose is a question to the controller
+        return CallResult(False, "another list is being planned")
+    desk.is_planning = True
+    try:
+        plan = await hub.calls.run(lambda: motion_lists.plan(desk.driver, steps or [], points, begin, limits),
+                                   motion_lists.PLAN_S + 5.0)
+    finally:
+        desk.is_planning = False
+    return CallResult(True, "", plan.shown(hub.plans.put(desk.driver.node, plan)))
+
+
 async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     factor = number(args, "speed", 1.0)
     if not _SLOWEST_LOG <= factor <= _FASTEST_LOG:
@@ -89,18 +112,24 @@ async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallR
 
 async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     plan = hub.plans.get(desk.driver.node, args.get("plan"))
-    action, joints = desk.driver.action, desk.feed.joints
-    if action is None:
-        return CallResult(False, "the driver takes no trajectories")
-    problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
-                                           else joints.position)
-    if problem is not None:
-        return CallResult(False, problem)
     cancelled = threading.Event()
+    run: Callable[[], CallResult]
+    if isinstance(plan, ListPlan):
+        going = motion_lists.ListRun(desk.feed, lambda: hub.control.holder == page.id, cancelled)
+        run = functools.partial(going.run, plan)
+    else:
+        action, joints = desk.driver.action, desk.feed.joints
+        if action is None:
+            return CallResult(False, "the driver takes no trajectories")
+        problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
+                                               else joints.position)
+        if problem is not None:
+            return CallResult(False, problem)
+        run = functools.partial(trajectories.run, action, plan, cancelled)
     desk.cancels.add(cancelled)
     page.begins_motion(desk.driver.node, time.monotonic())
     try:
-        outcome: CallResult = await hub.calls.run(lambda: trajectories.run(action, plan, cancelled), MOTION_S)
+        outcome: CallResult = await hub.calls.run(run, MOTION_S)
         return outcome
     finally:
         page.ends_motion(desk.driver.node, time.monotonic())
@@ -122,9 +151,37 @@ async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Call
     return CallResult(ok, str(answer.pop("error", "")), answer)
 
 
+async def _cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], is_costly: bool, hub: Hub,
+                page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
+    if is_costly and not page.costly.spend(time.monotonic()):
+        return CallResult(False, "too many requests that are costly to answer")
+    return await work(hub.cell, page, args)
+
+
+async def _present_pose(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    return await teaching.present_pose(hub.calls, desk)
+
+
+async def _teach(work: Callable[[Calls, Args], Awaitable[CallResult]], hub: Hub, page: Session,
+                 desk: Optional[ArmDesk], args: Args) -> CallResult:
+    return await work(hub.calls, args)
+
+
+def _of_cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], is_costly: bool = False) -> Command:
+    return Command(functools.partial(_cell, work, is_costly), needs_control=False, needs_arm=False)
+
+
 COMMANDS: Dict[str, Command] = {
     **{name: Command(functools.partial(_service, name), request.needs_control) for name, request in REQUESTS.items()},
     "jog_speed": Command(_jog_speed, needs_arm=False), "plan_points": Command(_plan_points),
+    "plan_list": Command(_plan_list),
     "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
-    "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False)}
+    "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False),
+    "cell_change": _of_cell(CellDesk.change), "cell_upload": _of_cell(CellDesk.upload),
+    "cell_restore": _of_cell(CellDesk.restore), "cell_versions": _of_cell(CellDesk.versions, is_costly=True),
+    "cell_export": _of_cell(CellDesk.export, is_costly=True),
+    "present_pose": Command(_present_pose, needs_control=False),
+    "teach_user_frame": Command(functools.partial(_teach, teaching.teach_user_frame), needs_control=False,
+                                needs_arm=False),
+    "teach_tool": Command(functools.partial(_teach, teaching.teach_tool), needs_control=False, needs_arm=False)}
 """Commands by the name that pages use."""

@@ -27,6 +27,7 @@ from ..plans.plan_store import LogDirectory, PlanStore
 from ..settings import Settings
 from . import simulator_link
 from .arm_desk import ArmDesk
+from .cell_desk import CellDesk
 from .session import COSTLY_BURST, COSTLY_RATE, Session, T, run_in
 
 _LOG = logging.getLogger(__name__)
@@ -91,6 +92,7 @@ class Hub:
         calls: Calls of services.
         plans: Plans that pages may run.
         logs: Folder of logs.
+        cell: The data of the cell.
         places: The places for pages.
         visitors_costly: Rate limiter of visitors' messages whose answers are costly.
         arms_told: The newest message ``arms``, JSON.
@@ -105,6 +107,7 @@ class Hub:
         self.calls = Calls()
         self.plans = PlanStore()
         self.logs = LogDirectory(settings.logs)
+        self.cell = CellDesk(settings.cell_data, settings.read_only, self.tell_all)
         self._finder = finder
         self._graph = ThreadPoolExecutor(1, "graph")
         self._looks: Optional[asyncio.Event] = None
@@ -122,7 +125,8 @@ class Hub:
         """Begin, in the loop."""
         self._loop = asyncio.get_event_loop()
         self._looks = asyncio.Event()
-        for work in (self._tick_for_ever(), self._look_for_ever(), self._ask_simulators_for_ever()):
+        for work in (self._tick_for_ever(), self._look_for_ever(), self._ask_simulators_for_ever(),
+                     self.cell.follow_for_ever()):
             self.spawn(work)
 
     async def ask(self, work: Coroutine[Any, Any, T]) -> T:
@@ -161,6 +165,7 @@ class Hub:
         for desk in self.arms.values():
             desk.close()
         self._graph.shutdown(wait=False)
+        await self.cell.close()
 
     # ---- pages ----
 
@@ -185,6 +190,7 @@ class Hub:
             return
         self._end_jog_of(page.id, "the page has gone")
         self.jog.forget(page.id)
+        self.cell.forget(page.id)
         before = self.control.holder
         if self.control.leave(page.id):
             self._control_changed(before)

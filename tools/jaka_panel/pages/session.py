@@ -43,6 +43,7 @@ class Session:
         costly: Rate limiter of the messages whose answers are costly; visitors share one.
         waiting: Commands that are running.
         is_too_slow: True if it does not take what it is sent.
+        address: Where its browser is, host and port, as far as its connection says.
     """
 
     def __init__(self, page: str, socket: web.WebSocketResponse, transport: Optional[asyncio.BaseTransport],
@@ -57,6 +58,8 @@ class Session:
         self.costly = costly
         self.waiting = 0
         self.is_too_slow = False
+        peer = None if transport is None else transport.get_extra_info("peername")
+        self.address = "%s:%d" % tuple(peer[:2]) if isinstance(peer, tuple) and len(peer) > 1 else ""
         self._socket, self._transport, self._loop = socket, transport, asyncio.get_event_loop()
         self._period = 1.0 / 30.0
         self._texts: Deque[str] = deque()

@@ -37,7 +37,8 @@ class WebSocketSession:
         self._parts: Dict[str, Callable[[Message], None]] = {
             "ping": self._ping, "watch": self._watch, "jog": self._jog, "jog_stop": self._jog_stop,
             "stop": self._stop, "cmd": self._command, "history": self._history, "take_control": self._take_control,
-            "answer_control": self._answer_control, "release_control": self._release_control}
+            "answer_control": self._answer_control, "release_control": self._release_control,
+            "cell": self._cell}
 
     def hello(self, message: Message) -> None:
         """Answer the first message."""
@@ -94,6 +95,12 @@ class WebSocketSession:
             self._page.send({**answer, "message": "too many requests that are costly to answer"})
             return
         self._page.send({**answer, "ok": True, **desk.feed.history.shortened(what, now + begin, now + end, buckets)})
+
+    def _cell(self, message: Message) -> None:
+        if self._page.costly.spend(time.monotonic()):
+            self._page.send_text(self._hub.cell.told)
+        else:
+            self._error("rate", "too many requests that are costly to answer")
 
     # ---- control ----
 

@@ -2,5 +2,6 @@
 
 point_plan   from points of joints
 log_plan     from a log; a program of its own, because it computes for seconds
+motion_list  from a list of motions: joint motions, lines, arcs, waits, outputs
 plan_store   the plans that pages may run, and the folder of logs
 """

@@ -4,8 +4,9 @@ import os
 import subprocess
 import sys
 from collections import OrderedDict
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple, Union
 
+from .motion_list import ListPlan
 from .point_plan import Plan, WrongPlan
 
 _KEPT = 20
@@ -14,15 +15,17 @@ _SUFFIXES = (".bag", ".mcap")
 _LOG_PLAN = "jaka_panel.plans.log_plan"
 LOG_TIMEOUT_S = 120.0
 
+AnyPlan = Union[Plan, ListPlan]
+
 
 class PlanStore:
     """The newest plans by name, each for one arm."""
 
     def __init__(self) -> None:
-        self._plans: OrderedDict[str, Tuple[str, Plan]] = OrderedDict()
+        self._plans: OrderedDict[str, Tuple[str, AnyPlan]] = OrderedDict()
         self._count = 0
 
-    def put(self, arm: str, plan: Plan) -> str:
+    def put(self, arm: str, plan: AnyPlan) -> str:
         """Keep a plan; its name."""
         self._count += 1
         name = "k%d" % self._count
@@ -31,7 +34,7 @@ class PlanStore:
             self._plans.popitem(last=False)
         return name
 
-    def get(self, arm: str, name: Any) -> Plan:
+    def get(self, arm: str, name: Any) -> AnyPlan:
         """Return a plan of this arm; raise WrongPlan if it is not there any more."""
         found = self._plans.get(name) if isinstance(name, str) else None
         if found is None or found[0] != arm:

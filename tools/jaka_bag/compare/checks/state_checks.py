@@ -1,8 +1,9 @@
 """Sequences of states: the same ones in the same order, each change in time; brief ones may be missed."""
+import bisect
 import re
 from collections import Counter
 from functools import partial
-from typing import Callable, List, Tuple
+from typing import Callable, List, Sequence, Tuple
 
 import numpy as np
 
@@ -158,12 +159,11 @@ def _beside_motions(topic: str, arm: str, runs: Tuple[List[StateRun], List[State
                     tolerances: Tolerances) -> List[Check]:
     """Check that the begin of each motion is as near to the state that tells of it as in the golden log."""
     brief_s = tolerances.states.brief_s
-    begins = [[run.start for run in some[1:] if run.value == MotionState.RUNNING and run.length > brief_s]
+    begins = [sorted(run.start for run in some[1:] if run.value == MotionState.RUNNING and run.length > brief_s)
               for some in runs]
     found: List[Tuple[float, float]] = []
     for episode in alignment.episodes.get(arm, ()):
-        near = [min(((abs(start - at), start - at) for start in starts), default=(np.inf, np.inf))
-                for starts, at in zip(begins, (episode.start, episode.start + episode.lag))]
+        near = [_nearest(starts, at) for starts, at in zip(begins, (episode.start, episode.start + episode.lag))]
         if episode.is_alike and max(near)[0] <= _NEAR_S:
             found.append((near[1][1] - near[0][1], episode.start))
     if len(found) < _FEWEST_BEGINS:
@@ -172,6 +172,13 @@ def _beside_motions(topic: str, arm: str, runs: Tuple[List[StateRun], List[State
     return [judged(Aspect.LATENESS, topic, "motion_state", s_to_ms(abs(off)), tolerances.timing.stale_ms, "ms",
                    "the state of %d motions comes %.1f ms %s beside the joints" % (
                        len(found), s_to_ms(abs(off)), "later" if off > 0 else "sooner"), found[0][1])]
+
+
+def _nearest(starts: Sequence[float], at: float) -> Tuple[float, float]:
+    """Return the distance, s, from a time to the nearest of ascending ones, and again with its sign; else infinite."""
+    place = bisect.bisect_left(starts, at)
+    return min(((abs(start - at), start - at) for start in starts[max(place - 1, 0):place + 1]),
+               default=(np.inf, np.inf))
 
 
 def _is_brief(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:

@@ -3,7 +3,6 @@
 What was decoded last is kept in memory, what was decoded before it in a temporary file.
 """
 import contextlib
-import ctypes
 import pickle
 import tempfile
 from collections import OrderedDict
@@ -11,6 +10,7 @@ from typing import IO, Callable, Dict, Iterator, List, NamedTuple, Optional, Seq
 
 import numpy as np
 
+from ... import allocator
 from ...messages.batch import Array
 from .run import Arrivals, Track, Window, joined
 
@@ -18,7 +18,7 @@ _CELL_S = 16.0
 """Time step, s, of the record of which parts of a log hold samples."""
 _WINDOW_ROWS = 120000
 _KEPT_BYTES = 64 << 20
-_TRIM_EVERY = 16
+_TRIM_EVERY = 48
 
 TrackKey = Tuple[str, str]
 """Topic, and the field where it is a further one."""
@@ -41,14 +41,6 @@ class Rows(NamedTuple):
     def size(self) -> int:
         """Bytes."""
         return 24 * len(self.time) + sum(value.nbytes for value, _ in self.values.values())
-
-
-def give_back_memory() -> None:
-    """Have the C library return to the system what was freed: threads leave it in pieces that it would keep."""
-    try:
-        ctypes.CDLL(None).malloc_trim(0)
-    except (AttributeError, OSError):
-        pass  # another C library
 
 
 class _Store:
@@ -143,15 +135,16 @@ class LogWindows:
             self.is_all_kept = False
         self._decoded += 1
         if not self.is_all_kept and self._decoded % _TRIM_EVERY == 0:
-            give_back_memory()
+            allocator.give_back_freed_memory()
         return rows
 
     def note(self, number: int, rows: Dict[str, Rows]) -> None:
         """Remember where the samples of a part lie."""
         for topic, some in rows.items():
-            cells, counts = np.unique(np.floor(some.time / _CELL_S).astype(np.int64), return_counts=True)
+            cells = np.floor(some.time / _CELL_S).astype(np.int64)
+            begins = np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]])) if len(cells) else cells
             known = self._cells.setdefault(topic, {})
-            for cell, count in zip(cells.tolist(), counts.tolist()):
+            for cell, count in zip(cells[begins].tolist(), np.diff(begins, append=len(cells)).tolist()):
                 known.setdefault(cell, set()).add(number)
                 self._counts[cell] = self._counts.get(cell, 0) + count
 

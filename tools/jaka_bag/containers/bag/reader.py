@@ -117,7 +117,8 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
 
 def offsets_in(entries: List[Tuple[int, Array]]) -> Array:
     """Return the positions of messages from a chunk's index entries, ascending, int64."""
-    return np.sort(np.concatenate([entry["offset"] for _, entry in entries] or [np.zeros(0)]).astype(np.int64))
+    offset = np.concatenate([entry["offset"] for _, entry in entries] or [np.zeros(0)]).astype(np.int64)
+    return np.sort(offset, kind="stable")  # which merges what is in order for each connection
 
 
 class BagReader(LogReader):

@@ -128,7 +128,10 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
 
 def offsets_in(entries: List[Tuple[int, Array]]) -> Optional[Array]:
     """Return the positions of messages from a chunk's message indexes, ascending, int64; None where there are none."""
-    return np.sort(np.concatenate([entry[:, 1] for _, entry in entries]).view(np.int64)) if entries else None
+    if not entries:
+        return None
+    offset = np.concatenate([entry[:, 1] for _, entry in entries]).view(np.int64)
+    return np.sort(offset, kind="stable")  # which merges what is in order for each channel
 
 
 class McapReader(LogReader):

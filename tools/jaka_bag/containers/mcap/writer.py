@@ -10,6 +10,7 @@ from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
 from ..compression import MCAP_CODECS
 from ..contract import Capabilities, EncodedChunk, LogWriter, by_connection, message_records
+from ..index import Buffer
 from . import records as fmt
 from .reader import HEAD_TYPE
 
@@ -100,7 +101,7 @@ class McapWriter(LogWriter):
         self._crc = 0
         self._write(fmt.MAGIC, header_record(profile, LIBRARY))
 
-    def _write(self, *pieces: bytes) -> int:
+    def _write(self, *pieces: Buffer) -> int:
         begin = super()._write(*pieces)
         for piece in pieces:
             self._crc = zlib.crc32(piece, self._crc)

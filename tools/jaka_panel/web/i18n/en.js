@@ -1,5 +1,7 @@
 /** The page's texts in English. Keys are the same in every language; places in braces are filled in. */
 
+import { cellEn } from './cell_en.js';
+
 /** @type {Record<string, string>} */
 export const en = {
   title: 'JAKA panel',
@@ -343,7 +345,7 @@ export const en = {
   'move.arrived': 'Arrived.',
   'move.ended': 'Ended before the target.',
   'points.title': 'Stored points',
-  'points.none': 'No points are stored in this browser.',
+  'points.none': 'No points are stored yet.',
   'points.name': 'Name',
   'points.save': 'Store where the arm is',
   'points.show': 'Show',
@@ -466,4 +468,5 @@ export const en = {
   'sim.fault.garbage': 'Garbage in the status',
   'sim.fault.reboot': 'Power failure for 5 s',
   'sim.clear': 'Clear all faults',
+  ...cellEn,
 };

@@ -1,5 +1,7 @@
 /** The page's texts in Chinese (simplified). Keys are those of en.js. */
 
+import { cellZh } from './cell_zh.js';
+
 /** @type {Record<string, string>} */
 export const zh = {
   title: 'JAKA 操作面板',
@@ -342,8 +344,8 @@ export const zh = {
   'move.under_way': '正在运动……',
   'move.arrived': '已到达。',
   'move.ended': '未到达目标即结束。',
-  'points.title': '已存点',
-  'points.none': '此浏览器中没有已存点。',
+  'points.title': '示教点',
+  'points.none': '还没有点位。',
   'points.name': '名称',
   'points.save': '保存当前位置',
   'points.show': '显示',
@@ -466,4 +468,5 @@ export const zh = {
   'sim.fault.garbage': '状态中出现乱码',
   'sim.fault.reboot': '断电 5 秒',
   'sim.clear': '清除全部故障',
+  ...cellZh,
 };

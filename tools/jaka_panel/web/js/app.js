@@ -12,6 +12,9 @@ import { toast } from './ui/toast.js';
 import { guardControls, mountArmChoice, mountControl } from './control/control.js';
 import { Offers } from './control/offers.js';
 import { mountStop } from './control/stop.js';
+import { Cell } from './cell/cell.js';
+import { mountCell } from './cell/data.js';
+import { mountTeach } from './cell/teach.js';
 import { mountArmBar } from './do/arm_bar.js';
 import { mountIo } from './do/io.js';
 import { mountMove } from './do/move.js';
@@ -58,7 +61,14 @@ export class App {
   constructor() {
     this.local = storageOf('localStorage');
     this.store = new Store();
-    this.points = new Points(this.local);
+    this.cell = new Cell({
+      write: (message) => this.connection.write(message),
+      ask: (cmd, args) => this.ask(cmd, args, null),
+      onChange: () => ['cell-data', 'points'].forEach((kind) => this.store.tell(kind)),
+    });
+    this.points = new Points(this.cell, this.local, (arm) => this.store.frames(arm),
+      (answer) => toast(answer.message || 'cmd.failed', 'bad', 'points.title'));
+    this.store.on('welcome cell cell_changed', (message) => this.cell.take(message));
     /** @type {import('./jog/hold.js').Hold|null} */
     this.hold = null;
     /** @type {import('./view/arm_view.js').Preview} */
@@ -229,7 +239,7 @@ function start() {
   mountJoints(byId('joints'), app);
   app.preview = mountArmView(byId('view'), app);
   mountArmBar(byId('arm-bar'), app);
-  const doing = makeTabs(byId('doing'), ['jog', 'move', 'run', 'io', 'setup', 'simulator'], 'tabs.do', (name) => {
+  const doing = makeTabs(byId('doing'), ['jog', 'move', 'run', 'io', 'setup', 'teach', 'cell', 'simulator'], 'tabs.do', (name) => {
     app.hold?.end('not seen');
     app.store.tell('tab', name);
   });
@@ -238,6 +248,8 @@ function start() {
   mountRun(doing.panels.run, app);
   mountIo(doing.panels.io, app);
   mountSetup(doing.panels.setup, app);
+  mountTeach(doing.panels.teach, app);
+  mountCell(doing.panels.cell, app);
   mountSimulator(doing.panels.simulator, app);
   app.store.on('arms welcome chosen', () => doing.hide('simulator', app.store.arm()?.simulator !== true));
   doing.hide('simulator', true);

@@ -1,30 +1,31 @@
-/** Points that are stored in this browser, for each arm. */
+/** Points of the arms, in the data of the cell; those that this browser kept before are offered for import. */
+
+/** @typedef {import('../link/messages.js').Answer} Answer */
+/** @typedef {import('../cell/cell.js').Cell} Cell */
 
 const KEPT_AS = 'jaka-panel-points';
-const MOST = 200;
+const DECLINED_AS = 'jaka-panel-points-declined';
 const LONGEST = 60;
 
 /**
  * @typedef {object} Point
  * @property {string} name
  * @property {number[]} q rad
+ * @property {string} [model] With which it was taken.
  */
 
-/** The stored points of all arms; what cannot be read counts as none. */
 export class Points {
-  /** @param {Storage|null} storage */
-  constructor(storage) {
+  /**
+   * @param {Cell} cell
+   * @param {Storage|null} storage Of this browser.
+   * @param {(arm: string) => object} about What is kept with a point: the frames and the model with which it is taken.
+   * @param {(answer: Answer) => void} refused Called where the server did not take a change.
+   */
+  constructor(cell, storage, about, refused) {
+    this.cell = cell;
     this.storage = storage;
-    /** @type {Record<string, Point[]>} */
-    this.byArm = {};
-    try {
-      const read = JSON.parse(storage?.getItem(KEPT_AS) ?? '{}');
-      for (const [arm, points] of Object.entries(read)) {
-        this.byArm[arm] = /** @type {any[]} */ (points).filter(isPoint).slice(0, MOST);
-      }
-    } catch {
-      this.byArm = {};
-    }
+    this.about = about;
+    this.refused = refused;
   }
 
   /**
@@ -32,7 +33,7 @@ export class Points {
    * @returns {Point[]} In the order in which they were stored.
    */
   list(arm) {
-    return this.byArm[arm] ?? [];
+    return this.cell.entries('points', arm).map(([name, entry]) => ({ name, ...entry }));
   }
 
   /**
@@ -41,35 +42,73 @@ export class Points {
    * @param {string} arm
    * @param {string} name An empty one gets the next free number.
    * @param {number[]} q rad
-   * @returns {Point}
+   * @returns {Promise<Answer>}
    */
   add(arm, name, q) {
     const list = this.list(arm);
     let free = list.length + 1;
     while (list.some((point) => point.name === `P${free}`)) free += 1;
-    const point = { name: (name.trim() || `P${free}`).slice(0, LONGEST), q: [...q] };
-    const place = list.findIndex((one) => one.name === point.name);
-    if (place < 0) this.byArm[arm] = [...list, point].slice(-MOST);
-    else this.byArm[arm] = list.map((one, index) => (index === place ? point : one));
-    this.keep();
-    return point;
+    return this.change([{ section: 'points', arm, name: (name.trim() || `P${free}`).slice(0, LONGEST).trim(),
+      entry: { q: [...q], ...this.about(arm) } }]);
   }
 
   /**
    * @param {string} arm
    * @param {string} name
+   * @returns {Promise<Answer>}
    */
   remove(arm, name) {
-    this.byArm[arm] = this.list(arm).filter((point) => point.name !== name);
-    this.keep();
+    return this.change([{ section: 'points', arm, name, entry: null }]);
   }
 
-  keep() {
+  /**
+   * @param {import('../cell/cell.js').Change[]} changes
+   * @returns {Promise<Answer>}
+   */
+  async change(changes) {
+    const answer = await this.cell.change(changes);
+    if (!answer.ok) this.refused(answer);
+    return answer;
+  }
+
+  /**
+   * The points that this browser kept before the server kept any; what cannot be read counts as none.
+   *
+   * @returns {import('../cell/cell.js').Change[]} As changes that store them; no point of the cell is replaced.
+   */
+  kept() {
     try {
-      this.storage?.setItem(KEPT_AS, JSON.stringify(this.byArm));
+      const read = JSON.parse(this.storage?.getItem(KEPT_AS) ?? '{}');
+      return Object.entries(read).flatMap(([arm, points]) => /** @type {any[]} */ (points).filter(isPoint).map((point) => ({
+        section: 'points', arm, name: this.freeName(arm, point.name.trim() || 'P', point.q), entry: { q: point.q } })));
     } catch {
-      // a browser that stores nothing: the points hold until the page is closed
+      return [];
     }
+  }
+
+  /**
+   * @param {string} arm
+   * @param {string} name
+   * @param {number[]} q rad
+   * @returns {string} The name, with a number behind it where the cell has another point of that name.
+   */
+  freeName(arm, name, q) {
+    /** @type {(one: string) => boolean} */
+    const isTaken = (one) => {
+      const there = this.cell.entry('points', arm, one);
+      return there !== undefined && there.q.some((/** @type {number} */ value, /** @type {number} */ n) => value !== q[n]);
+    };
+    if (!isTaken(name)) return name;
+    let number = 2;
+    while (isTaken(`${name.slice(0, LONGEST - 4)} ${number}`)) number += 1;
+    return `${name.slice(0, LONGEST - 4)} ${number}`;
+  }
+
+  /** Offers the browser's own points no more; they stay in it under another name. */
+  decline() {
+    const text = this.storage?.getItem(KEPT_AS);
+    if (text) this.storage?.setItem(DECLINED_AS, text);
+    this.storage?.removeItem(KEPT_AS);
   }
 }
 

@@ -5,6 +5,7 @@ import { actionButton, numberField, readAll } from '../ui/field.js';
 import { sentenceOf } from '../ui/errors.js';
 import { toast } from '../ui/toast.js';
 import { timedPoints } from './points.js';
+import { makeListRun } from '../cell/lists.js';
 
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').Plan} Plan */
@@ -18,7 +19,7 @@ const TO_START = 20 / DEGREES;
  */
 export function mountRun(root, app) {
   const runner = makeRunner(app);
-  root.append(makePointRun(app, runner.take), makeLogRun(app, runner.take), runner.element, makePrograms(app));
+  root.append(makePointRun(app, runner.take), makeListRun(app, runner.take), makeLogRun(app, runner.take), runner.element, makePrograms(app));
 }
 
 /**

@@ -105,18 +105,30 @@ function makeCollision(app, held) {
     h('div', { class: 'buttons' }, level.element, set), said);
 }
 
-/** @param {App} app */
-function makeGuiding(app) {
+/**
+ * The button that has the arm guided by hand, and ends that.
+ *
+ * @param {App} app
+ * @returns {HTMLElement}
+ */
+export function guideButton(app) {
   const isOn = () => app.store.record().state?.hand_guiding === true;
   const guide = actionButton('setup.guiding_on', () => app.command('drag', { on: !isOn() }), { 'data-needs': 'guiding_on' });
-  const zero = actionButton('setup.zero_force', () => app.command('zero_force'), { 'data-needs': 'zero_force' });
-  app.onFrame((state) => {
+  app.onFrame(() => {
     setText(guide, isOn() ? 'setup.guiding_off' : 'setup.guiding_on');
     const needs = isOn() ? 'guiding_off' : 'guiding_on';
-    if (guide.getAttribute('data-needs') !== needs) {
-      guide.setAttribute('data-needs', needs);
-      app.offers.lock(guide);
-    }
+    if (guide.getAttribute('data-needs') === needs) return;
+    guide.setAttribute('data-needs', needs);
+    app.offers.lock(guide);
+  });
+  return guide;
+}
+
+/** @param {App} app */
+function makeGuiding(app) {
+  const guide = guideButton(app);
+  const zero = actionButton('setup.zero_force', () => app.command('zero_force'), { 'data-needs': 'zero_force' });
+  app.onFrame((state) => {
     zero.hidden = !state?.wrench && app.store.arm()?.has?.zero_force !== true;
   });
   return h('section', { class: 'card' }, h('h3', { t: 'setup.guiding' }), h('p', { class: 'hint', t: 'setup.guiding.hint' }),

@@ -104,6 +104,17 @@ export class Store {
 
   /**
    * @param {string} [id]
+   * @returns {Record<string, any>} What is kept with a point: model, tool and frames as they are now, and the time.
+   */
+  frames(id = this.chosen) {
+    const { state } = this.record(id);
+    const about = { model: this.arms.find((arm) => arm.id === id)?.model, tool: state?.tool?.base && { p: state.tool.base.p, r: state.tool.base.r },
+      tool_number: state?.tool_id, user_number: state?.user_id, taken: Date.now() / 1000 };
+    return Object.fromEntries(Object.entries(about).filter(([, value]) => value !== null && value !== undefined));
+  }
+
+  /**
+   * @param {string} [id]
    * @returns {boolean} Whether what is shown is the present.
    */
   isFresh(id) {

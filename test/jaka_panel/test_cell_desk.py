@@ -1,0 +1,39 @@
+"""The desk of the cell's data, with a disk that does not answer."""
+import asyncio
+import json
+import threading
+from types import SimpleNamespace
+
+from jaka_panel.pages.cell_desk import CellDesk
+
+ARM = "/jaka_driver"
+POINT = {"q": [0.1, 1, -1.5, 1.5, 1.5, 0.0]}
+CHANGE = {"section": "points", "arm": ARM, "name": "P1", "entry": POINT}
+
+
+def test_a_disk_that_does_not_answer_holds_up_neither_the_loop_nor_the_other_pages(tmp_path):
+    released = threading.Event()
+
+    async def work():
+        told = []
+        desk = CellDesk(str(tmp_path / "cell.json"), False, told.append)
+        following = asyncio.ensure_future(desk.follow_for_ever())
+        while not told:
+            await asyncio.sleep(0.01)
+        write = desk._file._write
+        desk._file._write = lambda *args: (released.wait(20.0), write(*args))
+        page = SimpleNamespace(id="p1", name="Ann", address="", may_command=True, has_token=True)
+        change = asyncio.ensure_future(desk.change(page, {"revision": 0, "changes": [CHANGE]}))
+        for _ in range(20):
+            await asyncio.sleep(0.01)
+        assert not change.done() and json.loads(desk.told)["revision"] == 0
+        released.set()
+        assert (await change).data == {"revision": 1} and told[-1]["revision"] == 1
+        assert json.loads(desk.told)["data"] == {"points": {ARM: {"P1": POINT}}}
+        following.cancel()
+        await desk.close()
+
+    try:
+        asyncio.new_event_loop().run_until_complete(asyncio.wait_for(work(), 30.0))
+    finally:
+        released.set()

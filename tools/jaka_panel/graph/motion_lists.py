@@ -1,0 +1,168 @@
+"""The lists of motions on a driver: planned with its kinematics, run stage by stage by its ``~move_path``."""
+import threading
+import time
+from typing import Any, Callable, Mapping, Optional, Sequence
+
+import numpy as np
+from roslib import message as roslib_message
+
+from jaka_bag.errors import JakaBagError
+from jaka_regression.trajectory_client import GoalClient
+
+from ..plans.motion_list import JOINT, Joints, ListMotion, ListPart, ListPlan, plan_list
+from ..plans.point_plan import WrongPlan
+from ..teach.rotations import FramePose, compose, invert
+from .arm_feed import STALE_S, ArmFeed
+from .arms import Driver
+from .requests import REQUESTS, CallResult
+from .trajectories import START_TOLERANCE_RAD
+
+PLAN_S = 60.0
+ACTION, ACTION_TYPE = "move_path", "jaka_msgs/MovePathAction"
+_CONNECT_S = 5.0
+_SETTLE_S = 2.0
+_LOOK_S = 0.05
+_SAME_M, _SAME_RAD = 0.0005, 0.005
+
+
+def is_offered(driver: Driver) -> bool:
+    """Return whether a driver runs paths, and their types are installed."""
+    return driver.publishes(ACTION + "/status") and roslib_message.get_message_class(ACTION_TYPE) is not None
+
+
+def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[str, Any]], begin: Joints,
+         limits: Optional[Sequence[Mapping[str, Any]]]) -> ListPlan:
+    """Plan a list from where the arm is; it asks the driver for each pose, and is called in a thread that may wait.
+
+    Raises:
+        WrongPlan: It cannot be planned, or that takes longer than ``PLAN_S``; the text names the step.
+    """
+    until = time.monotonic() + PLAN_S
+
+    def asked(name: str, **args: Any) -> Mapping[str, Any]:
+        if time.monotonic() > until:
+            raise WrongPlan("planning takes longer than %g s" % PLAN_S)
+        answer = REQUESTS[name].perform(driver, args)
+        if not answer.ok or answer.data is None:
+            raise WrongPlan(answer.message or "the driver does not tell the pose")
+        return answer.data
+
+    def forward(joints: Joints) -> FramePose:
+        pose = asked("fk", q=list(joints))
+        return FramePose(pose["p"], pose["r"])
+
+    def inverse(pose: FramePose, near: Joints) -> Joints:
+        found: Joints = asked("ik", p=list(pose.position), r=list(pose.rotation_vector), near=list(near))["q"]
+        return found
+
+    return plan_list(steps, points, begin, limits, forward, inverse)
+
+
+class ListRun:
+    """One run of a list, in a thread that may wait. What stops the arm ends it, in a wait, too: nothing goes on by
+    itself.
+    """
+
+    def __init__(self, feed: ArmFeed, may_go_on: Callable[[], bool], cancelled: threading.Event) -> None:
+        """Set up.
+
+        Args:
+            feed: The driver's topics.
+            may_go_on: Returns whether the page still has control.
+            cancelled: Set to end it; the arm brakes.
+        """
+        self._feed, self._may_go_on, self._cancelled = feed, may_go_on, cancelled
+        self._stops = feed.stops
+
+    def run(self, plan: ListPlan) -> CallResult:
+        """Run a list from its begin to its end."""
+        driver = self._feed.driver
+        try:
+            client = GoalClient("%s/%s" % (driver.node, ACTION), _known(ACTION_TYPE), "message", _CONNECT_S)
+        except JakaBagError as error:
+            return CallResult(False, str(error))
+        try:
+            for stage in plan.stages:
+                problem = self._against(stage) or self._do(client, driver, stage)
+                if problem:
+                    return CallResult(False, "step %d: %s" % (stage.step, problem))
+        finally:
+            client.close()
+        return CallResult(True, "")
+
+    def _against(self, stage: ListPart) -> str:
+        """Return why a stage may not begin; empty where it may."""
+        away = self._away(stage)
+        until = time.monotonic() + _SETTLE_S
+        while away and not self._ended() and time.monotonic() < until:
+            time.sleep(_LOOK_S)
+            away = self._away(stage)
+        return self._ended() or away
+
+    def _away(self, stage: ListPart) -> str:
+        joints = self._feed.joints
+        if joints is None or time.monotonic() - joints.at > STALE_S:
+            return "the arm is not seen"
+        distance, number = max((abs(a - b), n) for n, (a, b) in enumerate(zip(stage.begin, joints.position), 1))
+        return "" if distance <= START_TOLERANCE_RAD else (
+            "joint %d is %.4f rad from where it begins: move there first" % (number, distance))
+
+    def _ended(self) -> str:
+        """Return what has ended the run; empty where it goes on."""
+        if self._cancelled.is_set() or self._feed.stops != self._stops:
+            return "the arm was stopped"
+        if not self._may_go_on():
+            return "the page has lost control"
+        now = time.monotonic()
+        status = self._feed.state(now)["status"]
+        if status is None or status["age"] > STALE_S:
+            return "the arm is not seen"
+        if status["e_stopped"] is not False or status["in_error"] is not False or status["drives_powered"] is not True:
+            return "the arm has stopped: emergency stop, fault, or no power"
+        return ""
+
+    def _do(self, client: GoalClient, driver: Driver, stage: ListPart) -> str:
+        if stage.segments:
+            return self._move(client, driver, stage)
+        if stage.output is not None:
+            done = REQUESTS["set_output"].perform(driver, stage.output)
+            return "" if done.ok else done.message or "the output is not set"
+        until = time.monotonic() + stage.wait
+        while time.monotonic() < until:
+            ended = self._ended()
+            if ended:
+                return ended
+            self._cancelled.wait(min(_LOOK_S, max(0.0, until - time.monotonic())))
+        return ""
+
+    def _move(self, client: GoalClient, driver: Driver, stage: ListPart) -> str:
+        answer = REQUESTS["fk"].perform(driver, {"q": list(stage.begin)})
+        if not answer.ok or answer.data is None:
+            return answer.message or "the driver does not tell the pose"
+        away = compose(invert(stage.pose), FramePose(answer.data["p"], answer.data["r"]))
+        if np.linalg.norm(away.position) > _SAME_M or np.linalg.norm(away.rotation_vector) > _SAME_RAD:
+            return "tool or user frame are others than when the list was planned: plan it anew"
+        goal = client.new_goal()
+        goal.segments = [_message(segment) for segment in stage.segments]
+        end = client.perform(goal, self._cancelled)
+        return "" if end.succeeded else end.text or "the path has ended before its target"
+
+
+def _known(kind: str) -> Any:
+    found = roslib_message.get_message_class(kind)
+    if found is None:
+        raise WrongPlan("the message type %s is not installed" % kind)
+    return found
+
+
+def _message(segment: ListMotion) -> Any:
+    message = _known("jaka_msgs/PathSegment")()
+    message.type, message.blend_radius = segment.kind, segment.blend
+    message.speed, message.acceleration = segment.speed, segment.acceleration
+    if segment.kind == JOINT:
+        message.joints = list(segment.joints)
+    else:
+        message.pose = [*segment.pose.position, *segment.pose.rotation_vector]
+    if segment.via is not None:
+        message.via = [*segment.via.position, *segment.via.rotation_vector]
+    return message
