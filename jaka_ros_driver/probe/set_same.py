@@ -349,21 +349,30 @@ def _spelling(desk: Desk, back: SetBack, users: _Frames) -> Fact:
         before = users.read(desk)
         if before is None or any(before[number]):
             return Fact(None, "user frame %d is not zero any more" % number)
-        for key, x in _SPELLINGS:
-            users.write(desk, number, x, (key,))
-            table = users.read(desk)
-            if table is not None and number < len(table) and _is_equal(table[number][0], x):
-                read.append(key)
-        for _ in range(2):
-            users.write(desk, number, 0.0, users.keys)
-            after = users.read(desk)
-            if _is_equal(after, before):
-                break
-        else:
-            back.note("user frame %d" % number, "zero", None if after is None else after[number:number + 1])
-            return Fact(None, "user frame %d did not become zero again" % number)
+        try:
+            for key, x in _SPELLINGS:
+                users.write(desk, number, x, (key,))
+                table = users.read(desk)
+                if table is not None and number < len(table) and _is_equal(table[number][0], x):
+                    read.append(key)
+        finally:
+            is_back = _zero_again(desk, back, users, number, before)
+    if not is_back:
+        return Fact(None, "user frame %d did not become zero again" % number)
     how = "user frame %d read back what was set under %s" % (number, " and ".join(read) or "neither key")
     return Fact({2: "either", 1: read[0] if read else None, 0: None}[len(read)], how)
+
+
+def _zero_again(desk: Desk, back: SetBack, users: _Frames, number: int, before: List[List[float]]) -> bool:
+    """Set a user frame to zero; return whether the table is as it was before."""
+    after: Optional[List[List[float]]] = None
+    for _ in range(2):
+        users.write(desk, number, 0.0, users.keys)
+        after = users.read(desk)
+        if _is_equal(after, before):
+            return True
+    back.note("user frame %d" % number, "zero", None if after is None else after[number:number + 1])
+    return False
 
 
 # ---- hand guiding, outputs ----
@@ -395,11 +404,14 @@ def _switch_output(desk: Desk, facts: Facts, back: SetBack, index: int, ask_pers
         facts["io_index_base"] = Fact(None, "the value of index %d is not known" % index)
         return
     with uninterrupted():
-        reply = desk.ask("set_digital_output", type=int(IoBank.CABINET), index=index, value=int(not value))
-        during = desk.outputs(HOLD_S)
-        changed = [place for place in range(len(before)) if during is not None and during[place] != before[place]]
-        found = [place for place in changed if place in (index - 1, index)]
-        _switch_back(desk, back, index, bool(before[found[0]]) if len(found) == 1 else value, before)
+        during: Optional[Vector] = None
+        try:
+            reply = desk.ask("set_digital_output", type=int(IoBank.CABINET), index=index, value=int(not value))
+            during = desk.outputs(HOLD_S)
+        finally:
+            changed = [place for place in range(len(before)) if during is not None and during[place] != before[place]]
+            found = [place for place in changed if place in (index - 1, index)]
+            _switch_back(desk, back, index, bool(before[found[0]]) if len(found) == 1 else value, before)
     how = "set_digital_output of index %d changed %s of the feed's outputs, counted from 0%s" % (
         index, _numbers(changed), "" if not _why_refused(reply) else "; it " + _why_refused(reply))
     base = index - found[0] if len(found) == 1 and changed == found else None

@@ -135,3 +135,20 @@ def test_an_arm_that_moves_ends_the_stage():
     facts, left, is_same = run(desk)
     assert is_same and not left and set(facts) == {"same_values"}
     assert not {name for name, _ in desk.sent} & (set(SETTINGS) - {"set_payload", "set_clsn_sensitivity"})
+
+
+@pytest.mark.parametrize("name", ["set_user_offsets", "set_digital_output"])
+def test_what_was_changed_is_set_back_by_whatever_a_step_is_ended(name):
+    desk, plain, ended = OddController(), OddController.ask, []
+    before = [list(row) for row in desk.users], list(desk.terminals)
+
+    def ask(*words, **parameters):
+        reply = plain(desk, *words, **parameters)
+        if words[0] == name and (desk.users, desk.terminals) != before and not ended:
+            ended.append(True)
+            raise RuntimeError("a defect")
+        return reply
+    desk.ask = ask
+    with pytest.raises(RuntimeError):
+        run(desk, output=3)
+    assert ended and (desk.users, desk.terminals) == before
