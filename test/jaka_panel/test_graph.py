@@ -2,6 +2,8 @@
 import io
 import math
 import random
+import threading
+from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
@@ -11,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 from jaka_msgs.msg import RobotMsg
 from jaka_panel.graph import raw_messages, rotations
 from jaka_panel.graph.description import Description
+from jaka_panel.graph.motion_lists import StopWatch
 from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, text, whole
 from jaka_panel.pages.files import page_file
 from jaka_panel.pages.hub import behind_a_sample
@@ -142,3 +145,14 @@ def test_files_of_the_page_are_those_below_its_folder(tmp_path):
     for name in ("", "js", "js/", "../above.js", "js/../../above.js", ".secret.js", "x.py", "link.js", "/above.js",
                  "no.js", "js\\a.js", "a\0.js"):
         assert page_file(name, web) is None
+
+
+def test_a_stop_of_anybody_ends_a_list_also_while_its_path_is_sent():
+    feed, cancelled = SimpleNamespace(stops=3), threading.Event()
+    watch = StopWatch(feed, cancelled)
+    assert not watch.is_set()
+    feed.stops = 4
+    assert watch.is_set()
+    watch = StopWatch(feed, cancelled)
+    cancelled.set()
+    assert watch.is_set()

@@ -40,13 +40,13 @@ OUTPUT = {"kind": "output", "signal": "digital", "bank": "tool", "index": 1, "va
 
 def test_motions_without_a_pause_are_one_path_and_pauses_divide_it():
     plan = planned(JOINTS, line("b", blend=0.01), line("a"), WAIT, OUTPUT, line("b", blend=0.02), WAIT)
-    assert [(len(stage.segments), stage.wait, stage.output is not None, stage.step) for stage in plan.stages] == [
+    assert [(len(part.segments), part.wait, part.output is not None, part.step) for part in plan.parts] == [
         (3, 0.0, False, 1), (0, 2.0, False, 4), (0, 0.0, True, 5), (1, 0.0, False, 6), (0, 2.0, False, 7)]
-    assert [segment.kind for segment in plan.stages[0].segments] == [JOINT, LINE, LINE]
-    assert [segment.blend for segment in plan.stages[0].segments] == [0.0, 0.01, 0.0]
-    assert plan.stages[3].segments[0].blend == 0.0 and "step 6: its rounded corner" in plan.warnings[0]
-    assert [list(stage.begin) for stage in plan.stages] == [HOME] + [POINTS["a"]["q"]] * 3 + [POINTS["b"]["q"]]
-    assert plan.stages[2].output == {"signal": "digital", "bank": "tool", "index": 1, "value": True}
+    assert [segment.kind for segment in plan.parts[0].segments] == [JOINT, LINE, LINE]
+    assert [segment.blend for segment in plan.parts[0].segments] == [0.0, 0.01, 0.0]
+    assert plan.parts[3].segments[0].blend == 0.0 and "step 6: its rounded corner" in plan.warnings[0]
+    assert [list(part.begin) for part in plan.parts] == [HOME] + [POINTS["a"]["q"]] * 3 + [POINTS["b"]["q"]]
+    assert plan.parts[2].output == {"signal": "digital", "bank": "tool", "index": 1, "value": True}
 
 
 def test_the_way_that_is_drawn_is_the_line_and_its_time():
@@ -65,7 +65,7 @@ def test_an_arc_goes_through_its_via_on_a_circle():
     assert np.allclose(np.linalg.norm(places, axis=1), 0.4, atol=1e-6)
     assert np.linalg.norm(places - POINTS["via"]["q"][:3], axis=1).min() < 1e-6
     assert plan.time[-1] - plan.time[8] == pytest.approx(0.4 * math.pi / 2.0 / 0.1, rel=1e-6)
-    assert plan.stages[0].segments[1].kind == ARC and plan.stages[0].segments[1].via.position == POINTS["via"]["q"][:3]
+    assert plan.parts[0].segments[1].kind == ARC and plan.parts[0].segments[1].via.position == POINTS["via"]["q"][:3]
     long = planned(JOINTS, {"kind": "arc", "via": "other", "point": "b", "speed": 0.1},
                    points={**POINTS, "other": {"q": [-0.28284271, -0.28284271, 0.0, 0.0, 0.0, 0.0]}})
     assert long.time[-1] - long.time[8] == pytest.approx(0.4 * math.pi * 1.5 / 0.1, rel=1e-6)

@@ -62,8 +62,9 @@ def test_a_change_reaches_all_pages_and_a_stale_one_none(loop, panel, place):
             told = page.wait("cell_changed", lambda m: m["changes"])
             assert told["revision"] == revision + 1 and told["by"] == "Ann" and told["changes"] == [set_point("P1")]
             assert fetch(page)["data"] == {"points": {ARM: {"P1": POINT}}}
-        stale = other.command("cell_change", None, revision=revision, changes=[set_point("P2")])
-        assert not stale["ok"] and stale["data"] == {"stale": True, "revision": revision + 1}
+        stale = other.command("cell_change", None, revision=revision, changes=[set_point("P2"), set_point("P1", None)])
+        assert not stale["ok"] and stale["data"] == {"stale": True, "revision": revision + 1, "present": [
+            set_point("P2", None), set_point("P1")]}
         assert other.command("cell_change", None, revision=revision + 1, changes=[set_point("P2")])["ok"]
         assert json.loads(place.read_text())["data"]["points"][ARM] == {"P1": POINT, "P2": POINT}
         for cmd in ("cell_change", "cell_upload", "cell_restore", "cell_export", "cell_versions", "present_pose"):

@@ -1,4 +1,4 @@
-"""The lists of motions on a driver: planned with its kinematics, run stage by stage by its ``~move_path``."""
+"""The lists of motions on a driver: planned with its kinematics, run part by part by its ``~move_path``."""
 import threading
 import time
 from typing import Any, Callable, Mapping, Optional, Sequence
@@ -58,6 +58,21 @@ def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str
     return plan_list(steps, points, begin, limits, forward, inverse)
 
 
+class StopWatch(threading.Event):
+    """The event of any stop since the begin: this panel's, or a call of somebody else to the driver.
+
+    A path that is sent when the arm was just stopped would begin after the stop.
+    """
+
+    def __init__(self, feed: ArmFeed, cancelled: threading.Event) -> None:
+        super().__init__()
+        self._feed, self._cancelled, self._stops = feed, cancelled, feed.stops
+
+    def is_set(self) -> bool:
+        """Return whether the arm was stopped."""
+        return self._cancelled.is_set() or self._feed.stops != self._stops
+
+
 class ListRun:
     """One run of a list, in a thread that may wait. What stops the arm ends it, in a wait, too: nothing goes on by
     itself.
@@ -72,7 +87,7 @@ class ListRun:
             cancelled: Set to end it; the arm brakes.
         """
         self._feed, self._may_go_on, self._cancelled = feed, may_go_on, cancelled
-        self._stops = feed.stops
+        self._stopped = StopWatch(feed, cancelled)
 
     def run(self, plan: ListPlan) -> CallResult:
         """Run a list from its begin to its end."""
@@ -82,34 +97,34 @@ class ListRun:
         except JakaBagError as error:
             return CallResult(False, str(error))
         try:
-            for stage in plan.stages:
-                problem = self._against(stage) or self._do(client, driver, stage)
+            for part in plan.parts:
+                problem = self._against(part) or self._do(client, driver, part)
                 if problem:
-                    return CallResult(False, "step %d: %s" % (stage.step, problem))
+                    return CallResult(False, "step %d: %s" % (part.step, problem))
         finally:
             client.close()
         return CallResult(True, "")
 
-    def _against(self, stage: ListPart) -> str:
-        """Return why a stage may not begin; empty where it may."""
-        away = self._away(stage)
+    def _against(self, part: ListPart) -> str:
+        """Return why a part may not begin; empty where it may."""
+        away = self._away(part)
         until = time.monotonic() + _SETTLE_S
         while away and not self._ended() and time.monotonic() < until:
             time.sleep(_LOOK_S)
-            away = self._away(stage)
+            away = self._away(part)
         return self._ended() or away
 
-    def _away(self, stage: ListPart) -> str:
+    def _away(self, part: ListPart) -> str:
         joints = self._feed.joints
         if joints is None or time.monotonic() - joints.at > STALE_S:
             return "the arm is not seen"
-        distance, number = max((abs(a - b), n) for n, (a, b) in enumerate(zip(stage.begin, joints.position), 1))
+        distance, number = max((abs(a - b), n) for n, (a, b) in enumerate(zip(part.begin, joints.position), 1))
         return "" if distance <= START_TOLERANCE_RAD else (
             "joint %d is %.4f rad from where it begins: move there first" % (number, distance))
 
     def _ended(self) -> str:
         """Return what has ended the run; empty where it goes on."""
-        if self._cancelled.is_set() or self._feed.stops != self._stops:
+        if self._stopped.is_set():
             return "the arm was stopped"
         if not self._may_go_on():
             return "the page has lost control"
@@ -121,13 +136,13 @@ class ListRun:
             return "the arm has stopped: emergency stop, fault, or no power"
         return ""
 
-    def _do(self, client: GoalClient, driver: Driver, stage: ListPart) -> str:
-        if stage.segments:
-            return self._move(client, driver, stage)
-        if stage.output is not None:
-            done = REQUESTS["set_output"].perform(driver, stage.output)
+    def _do(self, client: GoalClient, driver: Driver, part: ListPart) -> str:
+        if part.segments:
+            return self._move(client, driver, part)
+        if part.output is not None:
+            done = REQUESTS["set_output"].perform(driver, part.output)
             return "" if done.ok else done.message or "the output is not set"
-        until = time.monotonic() + stage.wait
+        until = time.monotonic() + part.wait
         while time.monotonic() < until:
             ended = self._ended()
             if ended:
@@ -135,16 +150,16 @@ class ListRun:
             self._cancelled.wait(min(_LOOK_S, max(0.0, until - time.monotonic())))
         return ""
 
-    def _move(self, client: GoalClient, driver: Driver, stage: ListPart) -> str:
-        answer = REQUESTS["fk"].perform(driver, {"q": list(stage.begin)})
+    def _move(self, client: GoalClient, driver: Driver, part: ListPart) -> str:
+        answer = REQUESTS["fk"].perform(driver, {"q": list(part.begin)})
         if not answer.ok or answer.data is None:
             return answer.message or "the driver does not tell the pose"
-        away = compose(invert(stage.pose), FramePose(answer.data["p"], answer.data["r"]))
+        away = compose(invert(part.pose), FramePose(answer.data["p"], answer.data["r"]))
         if np.linalg.norm(away.position) > _SAME_M or np.linalg.norm(away.rotation_vector) > _SAME_RAD:
             return "tool or user frame are others than when the list was planned: plan it anew"
         goal = client.new_goal()
-        goal.segments = [_message(segment) for segment in stage.segments]
-        end = client.perform(goal, self._cancelled)
+        goal.segments = [_message(segment) for segment in part.segments]
+        end = client.perform(goal, self._stopped)
         return "" if end.succeeded else end.text or "the path has ended before its target"
 
 

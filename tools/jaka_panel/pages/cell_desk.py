@@ -106,7 +106,7 @@ class CellDesk:
         if not isinstance(changes, list) or not 1 <= len(changes) <= MOST_CHANGES:
             return CallResult(False, "changes must be a list of 1 to %d" % MOST_CHANGES)
         checked = [check_change(change, number) for number, change in enumerate(changes, 1)]
-        return await self._write(page, functools.partial(self._file.change, _revision(args), checked))
+        return await self._write(page, functools.partial(self._file.change, _revision(args), checked), checked)
 
     async def upload(self, page: Session, args: Args) -> CallResult:
         """Take one part of a file; with the last one, put what it holds in the place of all data."""
@@ -143,7 +143,8 @@ class CellDesk:
         text = await self._calls.run(lambda: self._file.text(version), _LIMIT_S)
         return CallResult(True, "", {"text": text})
 
-    async def _write(self, page: Session, write: Callable[[Mapping[str, Any]], CellData]) -> CallResult:
+    async def _write(self, page: Session, write: Callable[[Mapping[str, Any]], CellData],
+                     changes: Sequence[Change] = ()) -> CallResult:
         if not page.may_command:
             return CallResult(False, "this panel is read-only" if page.has_token else "this needs the token")
         if not self._writes.spend(time.monotonic()):
@@ -152,10 +153,19 @@ class CellDesk:
         try:
             cell = await self._calls.run(lambda: write(who), _LIMIT_S)
         except StaleRevision as error:
-            return CallResult(False, str(error), {"stale": True, "revision": self._cell.revision})
+            present = self._file.cell
+            return CallResult(False, str(error), {"stale": True, "revision": present.revision,
+                                                  "present": _entries(present, changes)})
         except OSError as error:
             return CallResult(False, "nothing was changed: %s" % error)
         return CallResult(True, "", {"revision": cell.revision})
+
+
+def _entries(cell: CellData, changes: Sequence[Change]) -> List[Dict[str, Any]]:
+    """Return the entries that changes name, as they are, each once and in the form of a change."""
+    places = dict.fromkeys((section, arm, name) for section, arm, name, _ in changes)
+    return [{"section": section, "arm": arm, "name": name,
+             "entry": cell.data.get(section, {}).get(arm, {}).get(name)} for section, arm, name in places]
 
 
 def _revision(args: Args) -> int:

@@ -19,6 +19,7 @@ from .session import Session
 
 _SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
 _SLOWEST_JOG = 0.01
+_TOO_COSTLY = "too many requests that are costly to answer"
 Args = Mapping[str, Any]
 Perform = Callable[[Hub, Session, Any, Args], Awaitable[CallResult]]
 
@@ -154,11 +155,13 @@ async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Call
 async def _cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], is_costly: bool, hub: Hub,
                 page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
     if is_costly and not page.costly.spend(time.monotonic()):
-        return CallResult(False, "too many requests that are costly to answer")
+        return CallResult(False, _TOO_COSTLY)
     return await work(hub.cell, page, args)
 
 
 async def _present_pose(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    if not page.costly.spend(time.monotonic()):
+        return CallResult(False, _TOO_COSTLY)
     return await teaching.present_pose(hub.calls, desk)
 
 

@@ -71,13 +71,13 @@ class ListPlan(NamedTuple):
     """A list as it will be run.
 
     Attributes:
-        stages: Its parts, in their order.
+        parts: Its parts, in their order.
         path: Joints along the way, rad, (n, 6).
         time: Of each of them, s from the start, as far as speeds tell.
         warnings: Warnings for the user.
     """
 
-    stages: Sequence[ListPart]
+    parts: Sequence[ListPart]
     path: Sequence[Joints]
     time: Sequence[float]
     warnings: Sequence[str]
@@ -100,7 +100,7 @@ class _Planner:
         self.joints: Joints = list(begin)
         self.path: List[Joints] = [self.joints]
         self.time = [0.0]
-        self.stages: List[ListPart] = []
+        self.parts: List[ListPart] = []
         self.warnings: List[str] = []
         self._segments: List[ListMotion] = []
         self._begin: Tuple[Joints, FramePose, int] = (self.joints, self.pose, 1)
@@ -113,14 +113,14 @@ class _Planner:
                 self.warnings.append("step %d: its rounded corner is left out, because the arm rests there" % (
                     number - 1))
                 self._segments[-1] = self._segments[-1]._replace(blend=0.0)
-            self.stages.append(ListPart(begin, pose, tuple(self._segments), 0.0, None, step))
+            self.parts.append(ListPart(begin, pose, tuple(self._segments), 0.0, None, step))
         self._segments = []
         self._begin = (self.joints, self.pose, number)
 
     def pause(self, number: int, wait: float, output: Optional[Mapping[str, Any]]) -> None:
         """Add a wait or an output."""
         self.close(number)
-        self.stages.append(ListPart(self.joints, self.pose, (), wait, output, number))
+        self.parts.append(ListPart(self.joints, self.pose, (), wait, output, number))
         self._begin = (self.joints, self.pose, number + 1)
         self._add(self.joints, wait)
 
@@ -180,9 +180,9 @@ def plan_list(steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[s
             planner.move(number, {"joint": JOINT, "line": LINE, "arc": ARC}[kind], target, via, float(step["speed"]),
                          float(step.get("blend") or 0.0))
     planner.close(len(steps) + 1)
-    if not any(stage.segments for stage in planner.stages):
+    if not any(part.segments for part in planner.parts):
         raise WrongPlan("the list has no motion")
-    return ListPlan(planner.stages, planner.path, planner.time, planner.warnings)
+    return ListPlan(planner.parts, planner.path, planner.time, planner.warnings)
 
 
 def _point(points: Mapping[str, Mapping[str, Any]], name: str, number: int,

@@ -36,13 +36,13 @@ test('points are stored by arm with what is known of them, replaced by name, and
 });
 
 test('a change that the server refuses is told and not shown', async () => {
-  const cell = new Cell({ write: () => true, onChange() {}, ask: async () => ({ ok: false, message: 'stale' }) });
+  const cell = new Cell({ write: () => true, onChange() {}, ask: async () => ({ ok: false, message: 'of the server', data: { stale: true } }) });
   cell.take({ t: 'cell', revision: 0, data: {} });
   /** @type {string[]} */
   const told = [];
   const points = new Points(cell, null, () => ({}), (answer) => told.push(answer.message));
   await points.add('/a', 'x', Q);
-  assert.deepEqual([points.list('/a'), told], [[], ['stale']]);
+  assert.deepEqual([points.list('/a'), told], [[], ['cell.stale']]);
 });
 
 test('the points that this browser kept are offered until they are taken or declined, and replace none', async () => {

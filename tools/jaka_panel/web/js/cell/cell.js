@@ -45,6 +45,16 @@ export function partsOf(text, longest = PART) {
   return parts;
 }
 
+/**
+ * An answer; of a change that came too late with a text of ours.
+ *
+ * @param {Answer} answer
+ * @returns {Answer}
+ */
+function told(answer) {
+  return answer.data?.stale ? { ...answer, message: 'cell.stale' } : answer;
+}
+
 /** The page's copy of the data, kept up to date by the server's messages. */
 export class Cell {
   /**
@@ -135,7 +145,10 @@ export class Cell {
    * @returns {Promise<Answer>}
    */
   change(changes) {
-    const work = this.last.then(() => this.link.ask('cell_change', { revision: this.revision, changes }));
+    const work = this.last.then(async () => {
+      const answer = await this.link.ask('cell_change', { revision: this.revision, changes });
+      return told(answer);
+    });
     this.last = work.catch(() => null);
     return work;
   }
@@ -153,7 +166,7 @@ export class Cell {
     let answer = { ok: false, message: '' };
     for (const [index, part] of parts.entries()) {
       answer = await this.link.ask('cell_upload', { revision, part: index + 1, parts: parts.length, text: part });
-      if (!answer.ok) return answer;
+      if (!answer.ok) return told(answer);
     }
     return answer;
   }
@@ -163,7 +176,7 @@ export class Cell {
    * @param {object} [args]
    * @returns {Promise<Answer>}
    */
-  ask(cmd, args = {}) {
-    return this.link.ask(cmd, { revision: this.revision, ...args });
+  async ask(cmd, args = {}) {
+    return told(await this.link.ask(cmd, { revision: this.revision, ...args }));
   }
 }
