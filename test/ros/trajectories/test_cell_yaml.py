@@ -50,3 +50,20 @@ def test_a_message_for_some_joints_stops_the_others_on_their_way(cell):
     reached = [math.radians(q) for q in cell.simulator.state()["joint_position"]]
     assert reached[4] == pytest.approx(START[4], abs=1e-4)
     assert taken_over < reached[0] < START[0] + 0.8, "it goes on a little, and does not come back"
+
+
+def test_a_goal_for_some_joints_in_the_future_leaves_the_running_one_until_then(cell):
+    def way():
+        return [math.radians(q) - start for q, start in zip(cell.simulator.state()["joint_position"], START)]
+
+    with contextlib.closing(Client()) as client:
+        running = client.send(goal_of([point(1.0, [q + 0.2 for q in START], REST)]))
+        assert eventually(lambda: client.feedback)
+        some = goal_of([point(1.0, [START[4] - 0.1], REST[:1])], ["joint_5"])
+        some.trajectory.header.stamp = rospy.Time.now() + rospy.Duration(2.0)
+        waiting = client.send(some)
+        assert client.end(running)[0] == "PREEMPTED"
+        assert way() != pytest.approx([0.2] * 6, abs=1e-3), "its client is told at once, as ros_controllers tells it"
+        assert eventually(lambda: way() == pytest.approx([0.2] * 6, abs=1e-4)), "the arm goes its way to the end"
+        assert client.end(waiting)[0] == "SUCCEEDED"
+    assert way() == pytest.approx([0.2] * 4 + [-0.1, 0.2], abs=1e-4)
