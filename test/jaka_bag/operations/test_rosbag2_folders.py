@@ -1,11 +1,15 @@
 """Conversion of rosbag2 folders, with MCAP and sqlite3 storage, to logs of ROS 1 messages."""
+import contextlib
 import json
 import struct
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from log_samples import JOINTS, MODEL, TOOL, in_order, read, state_log, write
 
 from jaka_bag.cli.main import main
+from jaka_bag.containers.rosbag2_folder import Rosbag2Folder
 
 SAMPLES = state_log(0.5)
 
@@ -95,3 +99,33 @@ def test_a_damaged_folder_is_one_line(tmp_path, capsys, text):
         assert main([command, str(tmp_path / "run")]) == 1
         err = capsys.readouterr().err
         assert "metadata.yaml cannot be read" in err and err.count("\n") == 1
+
+
+def test_threads_read_one_at_a_time_as_the_library_needs_it(folder, monkeypatch):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    inside = []
+
+    @contextlib.contextmanager
+    def alone():
+        inside.append(None)
+        time.sleep(2e-4)
+        assert len(inside) == 1, "the decompressor of rosbags 0.10 is in use"
+        yield
+        inside.pop()
+
+    class Reader(rosbag2.Reader):
+        def open(self):
+            with alone():
+                super().open()
+
+        def messages(self, *args, **options):
+            for message in super().messages(*args, **options):
+                with alone():
+                    pass
+                yield message
+
+    monkeypatch.setattr(rosbag2, "Reader", Reader)
+    log = Rosbag2Folder(folder)
+    with ThreadPoolExecutor(4) as pool:
+        first, *others = pool.map(lambda _: list(log.messages()), range(4))
+    assert len(first) == len(SAMPLES) and others == [first] * 3

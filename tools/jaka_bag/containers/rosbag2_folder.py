@@ -2,8 +2,10 @@
 
 Functions that read raise ``BagError`` where the folder is damaged, or the storage is not one that rosbags reads.
 """
+import contextlib
 import importlib
 import os
+import threading
 from pathlib import Path
 from typing import Any, Dict, Iterator, List, Optional, Tuple
 
@@ -13,6 +15,9 @@ from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
 from .index import METADATA
+
+_ONE_AT_A_TIME = threading.Lock()
+"""rosbags 0.10 unpacks the chunks of every MCAP with one decompressor, which two threads at once make garbage of."""
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:
@@ -118,8 +123,16 @@ class Rosbag2Folder:
 
     def _raw_messages(self, start: Optional[int], stop: Optional[int]) -> Iterator[Tuple[Any, int, bytes]]:
         try:
-            with self._library.Reader(Path(self.folder)) as reader:  # its databases are of the thread that opens them
+            with contextlib.ExitStack() as stack:
+                with _ONE_AT_A_TIME:  # each thread with a reader of its own: a database is of the thread that opens it
+                    reader = stack.enter_context(self._library.Reader(Path(self.folder)))
                 wanted = [source for source in reader.connections if source.id in self._numbers]
-                yield from reader.messages(wanted, start=start, stop=stop) if wanted else ()
+                messages = reader.messages(wanted, start=start, stop=stop) if wanted else iter(())
+                while True:
+                    with _ONE_AT_A_TIME:
+                        found = next(messages, None)
+                    if found is None:
+                        return
+                    yield found
         except Exception as error:
             raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (self.folder, error)) from error
