@@ -74,7 +74,7 @@ class LinkWatch:
         self.chance = random.Random(seed)
         self.outcomes: List[CutOutcome] = []
         self.written: List[float] = []
-        self.asked_for = {command: 0 for command in ENERGISING.values()}
+        self.asked_for = dict.fromkeys(ENERGISING.values(), 0)
         self._lost: List[float] = []
         self._samples: List[tuple] = []
         self._subscribers = [
