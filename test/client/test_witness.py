@@ -168,3 +168,15 @@ def test_a_feed_that_stays_disputed_is_too_old_anew_after_two_seconds(one, frame
     one.answer(Query.JOINTS, joints(1.0))
     told = [one.frame(0.0) for _ in range(6)]
     assert any("they do not show" in text for text in told) is is_found_old
+
+
+def test_a_disputed_feed_is_asked_about_once_it_shows_something_and_one_question_at_a_time(one):
+    one.ask()
+    one.answer(Query.JOINTS, joints(0.0))
+    one.frame(0.0)
+    one.witness.distrust("a reason", one.now)
+    assert not one.witness.wants_to_ask(0.0, one.now), "there is nothing to compare an answer with"
+    one.frame(0.0)
+    assert one.witness.wants_to_ask(0.0, one.now)
+    one.ask()
+    assert not one.witness.wants_to_ask(0.0, one.now)

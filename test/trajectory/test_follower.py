@@ -137,3 +137,15 @@ def test_a_point_outside_the_limits_is_refused_by_joint_value_and_limit():
     for value in (4.7, -1.5, math.nan, 1e38):
         with pytest.raises(InvalidTrajectory, match=r"joint 2 would be at .* rad; valid: -1\.483530 to 4\.625123 rad"):
             require_within((0.0, value, 0.0, 0.0, 0.0, 0.0), MODEL)
+
+
+def test_a_point_after_a_pause_is_reached_when_it_is_due_and_not_as_one_that_is_late():
+    follower, frames = PointFollower(HOME, MODEL, 0.0), []
+    follower.add(joints(0.05), 0.1, 0.0)
+    for cycle in range(500):
+        if cycle == 250:
+            follower.add(joints(0.45), 3.0, 250 * PERIOD)
+        follower.now = cycle * PERIOD
+        frames.append(follower.step(1.0)[0] - HOME[0])
+    assert frames[249] == pytest.approx(0.05) and frames[-1] == pytest.approx(0.45)
+    assert frames[313] == pytest.approx(0.25, abs=0.05), "half of the way in half of the time"

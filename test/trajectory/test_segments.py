@@ -67,3 +67,11 @@ def test_an_arm_that_comes_into_sight_before_a_corner_is_not_behind_it():
     tracker.observe(RobotState(joints(0.45), True, True, False, False, False, received_at=12.5,
                                tcp_position=(0.427, 0.1, 0.3), tcp_rpy=(0.0, 0.0, 0.0)))
     assert tracker.time == pytest.approx(0.9, abs=0.01) and tracker.completed == 0
+
+
+def test_the_rate_of_a_segment_is_its_programmed_speed_whatever_its_length():
+    far, near = (Pose((0.4 + way, 0.1, 0.3), TOOL.rpy) for way in (0.6, 0.1))
+    for target in (far, near):
+        segment = SegmentPath([LinearMove(target, 0.2, 1.0, 0.0)], [PathPlace(joints(0.0), TOOL),
+                                                              PathPlace(joints(0.1), target)]).segments[0]
+        assert segment.rate == pytest.approx(0.2)

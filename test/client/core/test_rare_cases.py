@@ -12,7 +12,7 @@ from jaka_ros_driver.client.core.procedures import pausing, power, session, sett
 from jaka_ros_driver.client.core.procedures.settings import ReadBackMismatch
 from jaka_ros_driver.client.core.servo_planner import PoseServo
 from jaka_ros_driver.client.core.stillness import MOVEMENT
-from jaka_ros_driver.commands import JointMove, LinearMove, Pose, ServoJoint, ServoPose
+from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
 
 IDLE, LOADING, PAUSED, RUNNING = range(4)
@@ -345,6 +345,15 @@ def test_what_stops_the_arm_is_logged_and_a_stop_that_was_asked_for_is_not():
             story.core.stop("stop", story.now)
         story.run(0.1, move=1.0, protective_stop=int(not is_asked_for), **MOVING)
         assert logged(story, "stopping the arm: protective stop") == (not is_asked_for) == logged(story, "stopping the")
+
+
+def test_a_jog_that_another_one_replaces_stops_nothing_worth_a_warning():
+    story = Story()
+    for velocity in (0.2, -0.2):
+        story.core.jog("jog %g" % velocity, Jog(JogFrame.JOINT, 0, velocity), story.now)
+        story.perform()
+        story.run(0.3, move=math.copysign(1.0, velocity), speed=0.2, **MOVING)
+    assert story.count("stop_program") == 1 and not logged(story, "stopping the arm")
 
 
 def test_a_controller_that_is_away_is_logged_once():

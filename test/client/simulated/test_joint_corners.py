@@ -87,3 +87,12 @@ def test_a_place_on_a_line_is_told_by_its_share_of_the_whole_up_to_the_last_step
         assert line.share_at(step, 0.0) == line.shares[step] and line.share_at(step, 1.0) == line.shares[step + 1]
         assert line.shares[step] < line.share_at(step, 0.5) < line.shares[step + 1]
     assert line.share_at(last, 0.5) == 1.0
+
+
+def test_the_straight_lines_of_a_corner_are_near_to_it_and_no_more_than_that_needs():
+    corners = list(joint_corners(MODEL, IDENTITY, JointWay(HOME, AROUND, 0.6, 0.05), JointWay(AROUND, BELOW, 0.5, 0.0)))
+    assert corners
+    for places in corners:
+        bends = [max([abs(a - 2.0 * b + c) for a, b, c in zip(*three)]) for three in zip(places, places[1:], places[2:])]
+        assert max(bends) <= 8e-3, "an eighth is the distance from the line to the corner, 1e-3 rad"
+        assert len(places) == 3 or max(bends) >= 3e-3

@@ -120,6 +120,13 @@ def test_another_output_than_the_asked_one_is_an_error_that_names_both(driver, c
         settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 3, 1.5))
 
 
+def test_the_value_of_the_first_output_is_told_where_it_does_not_change():
+    arm = simulated(dialect={"io_index_base": 0}, io_index_base=1)
+    for told in ("set output 1 instead", "the output is 0$"):
+        with pytest.raises(settings.ReadBackMismatch, match=told):
+            settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 0, True))
+
+
 @pytest.mark.parametrize("driver, controller, seen", [(0, 0, 3), (0, 1, 2), (1, 0, 4), (1, 1, 3)])
 def test_with_the_makers_indices_the_terminal_that_changes_is_meant_and_logged_once(
         driver, controller, seen, monkeypatch):

@@ -6,11 +6,17 @@ import pytest
 from line_jogs import SPEEDS, JogCase, JogMeter, drawn_case, jogged
 
 from jaka_ros_driver.client.core.velocity_jog.line import JogLine, line_along, turned
+from jaka_ros_driver.client.core.velocity_jog.line_follower import LineFollower, _towards
 from jaka_ros_driver.client.core.velocity_jog.ramp import JogRamp, Wish
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, link_transforms
-from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import (
+    JOINT_ACCELERATION_CEILING,
+    SERVO_PERIOD_S,
+    TCP_ACCELERATION_CEILING,
+    top_joint_speeds,
+)
 from jaka_ros_driver.kinematics.rotations import (
     IDENTITY,
     compose,
@@ -192,3 +198,27 @@ def test_the_rate_of_a_twist_on_a_line_and_of_one_that_leads_elsewhere():
     line, rate = line_along(IDENTITY, (0.0, 0.3, 0.0, 0.0, 0.0, 1.0), JogFrame.TOOL)
     assert line.speed_of([-0.5 * value for value in (0.0, 0.3, 0.0, 0.0, 0.0, 1.0)]) == pytest.approx(-0.5 * rate)
     assert math.isnan(line.speed_of((0.0, 0.3, 0.001, 0.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize("since, then", [(JogFrame.BASE, JogFrame.TOOL), (JogFrame.TOOL, JogFrame.BASE)])
+def test_a_tool_that_is_asked_for_the_same_motion_along_other_axes_goes_on_as_it_goes(since, then):
+    follower, along = LineFollower(HOME, TOOL, ZU7, top_joint_speeds(ZU7), 200), (0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def tool():
+        return compose(forward(ZU7, follower.now.joint_position), TOOL)
+
+    places = []
+    for frame, cycles in ((since, 100), (then, 60)):
+        for _ in range(cycles):
+            follower.step(along if frame is JogFrame.BASE else turned(invert(tool()), along), frame)
+            places.append(tool()[9:])
+    steps = [tuple([b - a for a, b in zip(*pair)]) for pair in zip(places[70:], places[71:])]
+    assert all(x == pytest.approx(0.1 * SERVO_PERIOD_S, rel=0.02) and math.hypot(y, z) < 1e-5 for x, y, z in steps)
+
+
+def test_a_twist_changes_within_the_accelerations_of_place_and_turn_each_by_its_own():
+    most, turn = TCP_ACCELERATION_CEILING * SERVO_PERIOD_S, JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+    both = (most, 0.0, 0.0, 0.0, turn, 0.0)
+    assert _towards((0.0,) * 6, both) == both
+    assert _towards((0.0,) * 6, tuple([2.0 * value for value in both])) == pytest.approx(both)
+    assert _towards((0.0,) * 6, (0.0, 0.0, 0.0, 0.0, 0.0, 4.0 * turn)) == pytest.approx((0.0,) * 5 + (turn,))

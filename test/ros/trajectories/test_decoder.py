@@ -1,5 +1,6 @@
 """Goals to trajectories and tolerances, and the types that are made where no package has them; no running driver."""
 import hashlib
+import logging
 import math
 import sys
 import time
@@ -153,12 +154,15 @@ def test_without_tolerances_those_of_the_parameters_hold():
     assert found.path == (None,) * 6 and found.goal == (None,) * 6 and found.goal_time == 1.0
 
 
-def test_tolerances_of_the_goal_are_those_of_their_joint_and_negative_ones_are_none():
+def test_tolerances_of_the_goal_are_those_of_their_joint_and_negative_ones_are_none(caplog):
+    caplog.set_level(logging.INFO)
     found = decoder(trajectory_path_tolerance=0.03).tolerances(goal(
         path_tolerance=[tolerance("joint_5", 0.2), tolerance("joint_1", -1.0)],
         goal_tolerance=[tolerance("joint_6", 0.001, velocity=0.5), tolerance("joint_2", -0.1)]))
     assert found.path == (None, 0.03, 0.03, 0.03, 0.2, 0.03)
     assert found.goal == (0.01, None, 0.01, 0.01, 0.01, 0.001)
+    said, = [record.message for record in caplog.records]
+    assert said.startswith("goal_tolerance of joint_6: only the position is watched")
 
 
 @pytest.mark.parametrize("asked, found", [(0.0, 1.0), (0.25, 0.25), (-1.0, None)])
