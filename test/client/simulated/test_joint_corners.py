@@ -93,6 +93,7 @@ def test_the_straight_lines_of_a_corner_are_near_to_it_and_no_more_than_that_nee
     corners = list(joint_corners(MODEL, IDENTITY, JointWay(HOME, AROUND, 0.6, 0.05), JointWay(AROUND, BELOW, 0.5, 0.0)))
     assert corners
     for places in corners:
-        bends = [max([abs(a - 2.0 * b + c) for a, b, c in zip(*three)]) for three in zip(places, places[1:], places[2:])]
+        bends = [max([abs(a - 2.0 * b + c) for a, b, c in zip(*three)])
+                 for three in zip(places, places[1:], places[2:])]
         assert max(bends) <= 8e-3, "an eighth is the distance from the line to the corner, 1e-3 rad"
         assert len(places) == 3 or max(bends) >= 3e-3

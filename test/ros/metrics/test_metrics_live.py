@@ -13,6 +13,8 @@ from waiting import eventually, free_ports
 
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.ros.exit_codes import COMPUTER, CONFIGURATION
+from jaka_ros_driver.ros.metrics import figures
+from jaka_ros_driver.state import RobotState
 
 parser = pytest.importorskip("prometheus_client.parser")
 NAME = "measured"
@@ -165,3 +167,11 @@ def test_without_the_library_a_driver_says_what_to_install(ros_node, tmp_path):
                           metrics_port=9100, **on(simulator, guard=False)) as driver:
         code, said = driver.wait()
     assert code == CONFIGURATION and "apt install python3-prometheus-client" in said and "Traceback" not in said, said
+
+
+def test_temperatures_are_told_by_the_number_of_the_joint():
+    state = RobotState(HOME, True, True, False, False, False, received_at=1.0,
+                       joint_temperature=(31.0, 32.0, 33.0, 34.0, 35.0, 36.0), cabinet_temperature=40.0)
+    found = {family.name: family for family in figures._of_state(state)}["jaka_temperature_celsius"].samples
+    assert {sample.labels["part"]: sample.value for sample in found} == {
+        **{"joint_%d" % number: 30.0 + number for number in range(1, 7)}, "cabinet": 40.0}

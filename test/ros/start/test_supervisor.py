@@ -86,3 +86,13 @@ def test_a_supervisor_with_an_abstract_name_is_found():
         listening.bind("\0jaka_test_%d" % os.getpid())
         supervisor_of({"NOTIFY_SOCKET": "@jaka_test_%d" % os.getpid()}).run(1.0)
         assert listening.recv(4096).startswith(b"READY=1\n")
+
+
+def test_a_supervisor_that_does_not_hear_is_told_again_a_second_later_until_it_does(tmp_path):
+    one = supervisor_of({"NOTIFY_SOCKET": str(tmp_path / "notify")})
+    one.run(10.0)
+    assert one.due() == 11.0
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        one.run(11.0)
+        assert b"READY=1" in listening.recv(4096).splitlines() and one.due() is None, "it wants no more than that"

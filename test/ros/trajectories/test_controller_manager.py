@@ -33,7 +33,7 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.other_messages import made_service, message_type, old_switch_type
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.start_checks import server_of
-from jaka_ros_driver.ros.trajectories.controller_manager import CONTROLLER_TYPE, OneController
+from jaka_ros_driver.ros.trajectories.controller_manager import CONTROLLER_TYPE, ControllerManager, OneController
 from jaka_ros_driver.ros.trajectories.query import StateQuery
 
 BEST_EFFORT, STRICT = 1, 2
@@ -66,6 +66,18 @@ def test_nothing_is_loaded_and_nothing_unloaded():
     assert "loaded already" in one.load("arm") and "has one controller" in one.load("gripper")
     assert "it is running" in one.unload("arm") and "no controller is named" in one.unload("gripper")
     assert "part of the driver" in one.reload()
+
+
+@pytest.mark.parametrize("there, is_told", [(None, False), (CONTROLLER_TYPE, False), ("another/Type", True)])
+def test_parameters_that_are_there_are_left_and_told_only_where_they_differ(there, is_told, monkeypatch, caplog):
+    kept = {"/c/type": there, "/c/joints": None}
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: kept[name])
+    monkeypatch.setattr(rospy, "set_param", lambda name, value: kept.update({name: value}))
+    manager = ControllerManager.__new__(ControllerManager)
+    manager._services, manager._controller, manager._joints = [object()], "/c", ["joint_1"]
+    manager.set_parameters()
+    assert kept == {"/c/type": there or CONTROLLER_TYPE, "/c/joints": ["joint_1"]}
+    assert len(caplog.records) == is_told
 
 
 class Held:
