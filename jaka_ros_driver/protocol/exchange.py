@@ -28,6 +28,11 @@ class PendingRequest(Generic[T]):
     sent_at: float
     was_passed: bool = False
 
+    @property
+    def allowed_s(self) -> float:
+        """The time that its reply was given in the end, s: more behind a slow one, less once its effect is visible."""
+        return self.deadline - self.sent_at
+
 
 class Exchange(Generic[T]):
     """The requests without a reply, in order, with ``cmdName`` as the check (docs/controller-protocol.md section 3.2).

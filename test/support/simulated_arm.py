@@ -59,6 +59,7 @@ class SimulatedArm:
         reply_delay: How late each reply comes, s.
         held_until: Until then the driver stands still: it reads nothing, and sends nothing, s.
         places: The arm's joints, rad (6,), at the end of each cycle of the controller.
+        closed_for: Why the driver closed its links.
         longest_unowned: The longest time in which the arm moved without custody, s.
     """
 
@@ -83,7 +84,7 @@ class SimulatedArm:
         self.sent, self.frames, self.answers, self.shown = [], [], {}, []
         self.refused_until = dict.fromkeys(Port, 0.0)
         self.reply_delay = self.longest_unowned = self.held_until = 0.0
-        self.places, self._unread = [], b""
+        self.places, self.closed_for, self._unread = [], [], b""
         self._joins_until, self._joined = 0.0, b""
         self._links = dict.fromkeys(Port, False)
         self._tries = dict.fromkeys(Port, 0)
@@ -328,6 +329,7 @@ class SimulatedArm:
                 number = self._tries[action.port]
                 self._clock.after(_CONNECTS_IN_S, lambda port=action.port, number=number: self._connected(port, number))
             elif isinstance(action, Close):
+                self.closed_for.append(action.reason)
                 self._lose(action.port)
             elif isinstance(action, PublishState):
                 self.shown.append(action.state)

@@ -124,7 +124,7 @@ class CommandChannel:
             if request.waiter is not None:
                 error: JakaError = ConnectionLost(reason)
                 if request is late:
-                    error = ReplyTimeout(request.name, request.patience)
+                    error = ReplyTimeout(request.name, request.allowed_s)
                 request.waiter.on_reply(None, error, now)
 
     def prepare(self, command: Command) -> None:

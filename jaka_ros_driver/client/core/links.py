@@ -239,7 +239,7 @@ class Links:
     def tick(self, now: float) -> None:
         late = self._channel.overdue(now)
         if late is not None:
-            self._drop_command(str(ReplyTimeout(late.name, late.patience)), now, late)
+            self._drop_command(str(ReplyTimeout(late.name, late.allowed_s)), now, late)
         self._watch_feed(now)
         if self._handshake is not None:
             self._handshake.tick(now)

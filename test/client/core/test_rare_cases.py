@@ -6,9 +6,12 @@ from stories import HOME, PERIOD, Story
 
 from jaka_ros_driver.client.core.actions import Close, Open, Port
 from jaka_ros_driver.client.core.motion import ArmMotion
+from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay
+from jaka_ros_driver.client.core.motion_guard.motion_check import StartPlace
 from jaka_ros_driver.client.core.procedures import pausing, power, session, settings
 from jaka_ros_driver.client.core.procedures.settings import ReadBackMismatch
 from jaka_ros_driver.client.core.servo_planner import PoseServo
+from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import JointMove, LinearMove, Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
 
@@ -497,3 +500,28 @@ def test_a_late_refusal_of_a_program_concerns_no_later_motion():
     story.reply("play_program", "2")
     assert story.run(0.1, move=0.4, **MOVING).count("stop_program") == stops
     assert story.error("move") == "pending" and not story.core.custody.is_ending
+
+
+def test_a_refused_program_that_is_seen_to_run_is_stopped_while_the_arm_rests():
+    story = asked_to_play()
+    stops = story.count("stop_program")
+    story.reply("play_program", "2")
+    story.run(0.3)
+    assert isinstance(story.error("play"), CommandRejected) and story.count("stop_program") == stops
+    story = asked_to_play()
+    story.fields["interp_state"] = RUNNING
+    story.reply("play_program", "2")
+    assert story.run(1.0).count("stop_program") > stops and not story.core.is_free
+
+
+# ---- looks of the motion guard ----
+
+@pytest.mark.parametrize("away, counts", [(0.0, True), (0.5 * MOVEMENT, True), (2.0 * MOVEMENT, False)])
+def test_a_look_counts_only_where_the_motion_begins_near_the_place_that_it_was_made_from(away, counts):
+    here, there = StartPlace(HOME, None), StartPlace((HOME[0] - away,) + HOME[1:], None)
+    assert there.is_near(here) is here.is_near(there) is counts
+    assert not StartPlace.unknown().is_near(there) and not there.is_near(StartPlace.unknown())
+    way = JointWay(HOME, HOME, 1.0, 0.0)
+    assert not here._replace(way=way).is_near(here), "a corner is rounded at this one"
+    unknown = StartPlace.unknown()
+    assert unknown.is_near(unknown), "the end of the same queue"

@@ -74,3 +74,16 @@ def test_the_corners_beside_joint_moves_touch_both_ways_and_pass_within_the_tole
             after.at(0.5)), "half of the shorter"
     if kinds == "joint line" and radius == 1.0:
         assert math.dist(forward(MODEL, corners[-1][-1])[9:], tip) == pytest.approx(0.2 * 0.5 * 0.63, abs=1e-3)
+
+
+def test_a_place_on_a_line_is_told_by_its_share_of_the_whole_up_to_the_last_step():
+    at = pose_from_transform(forward(MODEL, HOME))
+    down = c.Pose(tuple([a + b for a, b in zip(at.position, (0.0, 0.0, -0.2))]), at.rpy)
+    line = walk(MODEL, ToolFrames(IDENTITY, IDENTITY), HOME, c.LinearMove(down, 0.2, 1.0))
+    to_the_end(line.looks())
+    last = len(line.shares) - 1
+    assert line.shares[-1] == 1.0 and last > 3
+    for step in range(last):
+        assert line.share_at(step, 0.0) == line.shares[step] and line.share_at(step, 1.0) == line.shares[step + 1]
+        assert line.shares[step] < line.share_at(step, 0.5) < line.shares[step + 1]
+    assert line.share_at(last, 0.5) == 1.0

@@ -1,4 +1,6 @@
 """Power, enabling and alarms, against the simulated controller in virtual time."""
+import re
+
 import pytest
 from simulated_arm import SimulatedArm
 
@@ -81,6 +83,13 @@ def test_a_reply_that_is_held_back_until_it_is_done_costs_no_link():
     assert arm.state.is_enabled
     assert len(arm.times_of("power_on")) == len(arm.times_of("enable_robot")) == 1
     assert len(arm.times_of("get_version")) == 1, "the link was made once"
+
+
+def test_a_reply_that_does_not_come_with_its_effect_is_told_with_the_time_that_it_had():
+    arm = SimulatedArm(MODEL, HOME, dialect={"power_delay": 0.5, "power_reply_delay": 10.0}, start=Start.OFF)
+    set_power(arm, True)
+    arm.until(lambda: arm.closed_for)
+    assert re.fullmatch(r"no reply to power_on within 1\.\d+ s", arm.closed_for[0])
 
 
 def test_a_stop_is_carried_out_while_power_comes():

@@ -4,12 +4,16 @@ import random
 import socket
 import struct
 import threading
+import types
 
 import pytest
+import rospy
 from rospy.exceptions import TransportTerminated
+from rospy.impl.tcpros_base import TCPROSTransport
+from std_msgs.msg import String
 from waiting import eventually
 
-from jaka_ros_driver.ros.direct_publisher import DirectConnection
+from jaka_ros_driver.ros.direct_publisher import DirectConnection, direct_publisher
 
 QUEUE = 10
 SMALL_BUFFER = 4096
@@ -148,3 +152,13 @@ def test_a_connection_that_is_closed_while_its_listener_stands_still_leaves_no_t
     assert eventually(lambda: not slow_threads())
     with pytest.raises(TransportTerminated):
         connection.write_data(message(99, 10))
+
+
+def test_a_listener_that_came_before_is_written_to_directly_too_and_one_of_this_process_is_not(monkeypatch):
+    early, inside = TCPROSTransport.__new__(TCPROSTransport), object()
+    early.socket = None
+    impl = types.SimpleNamespace(c_lock=threading.RLock(), connections=[early, inside], queue_size=QUEUE)
+    monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: types.SimpleNamespace(impl=impl))
+    direct_publisher("~early", String, QUEUE)
+    assert isinstance(impl.connections[0], DirectConnection) and impl.connections[1] is inside
+    assert impl.queue_size is None, "rospy puts no queue of its own before it"
