@@ -17,7 +17,7 @@ from ..paths import PathLike
 from .index import METADATA
 
 _ONE_AT_A_TIME = threading.Lock()
-"""rosbags 0.10 unpacks the chunks of every MCAP with one decompressor, which two threads at once make garbage of."""
+"""Held by the one thread that reads: rosbags 0.10 has one decompressor for every MCAP, which two threads at once garble."""
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:

@@ -52,7 +52,7 @@ def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
 class CdrConverter:
     """A converter for the messages of one connection. It learns maps as layouts appear.
 
-    Threads may share one: a map that two of them learn at once is the same, and what they count only says when to learn.
+    Threads may share one: a map that two learn at once is the same, and what they count only says when to learn.
 
     Args:
         connection: Connection with type and definition.
