@@ -17,7 +17,7 @@ from ..paths import PathLike
 from .index import METADATA
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Held by the one thread that reads: rosbags 0.10 has one decompressor for every MCAP, which two threads at once garble."""
+"""Held by the thread that reads: rosbags 0.10 unpacks every MCAP with one decompressor, which two at once garble."""
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:
