@@ -17,7 +17,7 @@ from ..paths import PathLike
 from .index import METADATA
 
 _ONE_AT_A_TIME = threading.Lock()
-"""rosbags 0.10 unpacks the chunks of every MCAP with one decompressor, which two threads at once make garbage of."""
+"""Held by the thread that reads: rosbags 0.10 unpacks every MCAP with one decompressor, which two at once garble."""
 
 
 def describe(folder: PathLike) -> Dict[str, Any]:
