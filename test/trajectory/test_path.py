@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from plans import HOME, REST, at, samples, six, wave
 
+from jaka_ros_driver.client.core.motion_guard.motion_check import _times_of
 from jaka_ros_driver.trajectory.path import Approach, Path, cubic, quintic
 from jaka_ros_driver.trajectory.splines import spline, with_brake
 
@@ -115,3 +116,13 @@ def test_a_brake_behind_the_last_point_ends_at_rest_within_the_acceleration():
     _, _, velocity, acceleration = samples(path)
     assert np.abs(acceleration[2001:]).max() == pytest.approx(2.0)
     assert np.abs(velocity[-2:]).max() < 1.01e-3
+
+
+@pytest.mark.parametrize("until, is_marked", [(0.7123, True), (1e9, False)])
+def test_the_end_of_the_way_onto_a_path_is_a_place_where_the_motion_guard_looks(until, is_marked):
+    breaks, coefficients = spline(wave(0.05))
+    still = (np.zeros((1, 6)),) * 3
+    approach = Approach(0.3, until, quintic(np.array([until - 0.3]), still, still)[0])
+    times = _times_of(Path(breaks, coefficients, 0.3, approach))
+    assert (until in times.tolist()) is is_marked and (np.diff(times) > 0.0).all()
+    assert times[0] == 0.3 and times[-1] == Path(breaks, coefficients, 0.3, approach).end

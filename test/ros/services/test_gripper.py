@@ -86,6 +86,13 @@ def test_a_wrong_key_of_a_width_is_refused(changed, said):
     assert said in str(refusal.value)
 
 
+def test_the_smallest_tolerance_is_a_thousandth_of_the_stroke():
+    smallest = 1e-3 * (FULL_WIDTH["open_position"] - FULL_WIDTH["closed_position"])
+    assert gripper_from({**FULL_WIDTH, "position_tolerance": smallest}).position_tolerance == smallest
+    with pytest.raises(ValueError, match="position_tolerance is"):
+        gripper_from({**FULL_WIDTH, "position_tolerance": 0.99 * smallest})
+
+
 def test_what_only_an_analog_input_needs_is_refused_without_one():
     for key, value in (("gripped_time", 1.0), ("open_reading", 0.0), ("position_tolerance", 0.01)):
         with pytest.raises(ValueError, match="%s has no use beside the other keys" % key):

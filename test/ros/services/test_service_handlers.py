@@ -161,3 +161,13 @@ def test_clearing_succeeds_unless_the_emergency_stop_stands_and_tells_what_is_mi
     assert clear(None).is_success and clear(None).message.endswith("power, enable")
     arm.state = RobotState((0.0,) * 6, False, False, True, True, False)
     assert not clear(None).is_success and "emergency stop" in clear(None).message
+
+
+@pytest.mark.parametrize("service, on, told", [
+    ("power", True, "power on"), ("power", False, "power off"), ("enable", True, "enabled"),
+    ("enable", False, "disabled")])
+def test_power_and_brakes_are_told_as_they_are_with_what_else_was_done(arm, service, on, told):
+    arm.result = ""
+    assert getattr(handlers(arm), service)(on).message == told
+    arm.result = "the drives were disabled"
+    assert getattr(handlers(arm), service)(on).message == told + "; the drives were disabled"

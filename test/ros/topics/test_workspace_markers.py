@@ -78,6 +78,7 @@ def test_zones_stand_in_the_base_frame_where_the_guard_keeps_them():
     assert size_of(post) == (0.12, 0.12, 1.5) and post.pose.orientation.w == 1.0
     floor, = in_namespace(markers, "floor")
     assert floor.type == CUBE and floor.pose.position.z + 0.5 * floor.scale.z == pytest.approx(-0.1)
+    assert (floor.pose.position.x, floor.pose.position.y) == (0.0, 0.0), "under the arm"
     assert {marker.header.frame_id for marker in (box, post, floor)} == {NAMES.base}
 
 
