@@ -119,3 +119,7 @@ def test_a_figure_that_fails_costs_its_answer_alone(served, caplog):
 def test_a_port_that_is_taken_is_an_error_and_nothing_stays_open(served):
     with pytest.raises(OSError, match="in use"):
         PageServer("127.0.0.1", served.port, lambda: Page("", b""))
+
+
+def test_a_server_that_was_never_started_is_closed():
+    PageServer("127.0.0.1", 0, lambda: Page("text/plain", b"")).close()
