@@ -5,8 +5,10 @@ from plans import HOME, MODEL, REST, START_TOLERANCE, at, build, joints, moving,
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.limits import stream_limits
+from jaka_ros_driver.trajectory.audit import _judge
 from jaka_ros_driver.trajectory.build import MAX_DELAY_S, BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryOfThePast, TrajectoryPoint
+from jaka_ros_driver.trajectory.rates import Overshoots
 
 OPTIONS = BuildOptions(START_TOLERANCE)
 AT_REST_AT_1 = (at(1.0, (0.3,), REST),)
@@ -145,3 +147,12 @@ def test_a_violation_in_one_of_very_many_pieces_is_found(has_acceleration):
                                      point.acceleration)
     with pytest.raises(InvalidTrajectory, match=r"joint 1 would .* after 88\.8\d+ s"):
         build(points)
+
+
+@pytest.mark.parametrize("place, stretch", [(0, (0.0, 1.0)), (1, (0.0, 2.0)), (2, (1.0, 2.0))])
+def test_an_overshoot_is_slowed_from_the_sample_before_it_to_the_one_after_it(place, stretch):
+    found, shares = Overshoots(), np.full((3, 6), 0.5)
+    shares[place, 2] = 1.1
+    _judge(np.arange(3.0), shares, 1.02, lambda where, joint: "joint %d %%s" % joint, found)
+    (since, until, rate), = found._stretches
+    assert (since, until) == stretch and rate == pytest.approx(1.0 / 1.1, rel=0.01)
