@@ -97,3 +97,12 @@ def test_the_straight_lines_of_a_corner_are_near_to_it_and_no_more_than_that_nee
                  for three in zip(places, places[1:], places[2:])]
         assert max(bends) <= 8e-3, "an eighth is the distance from the line to the corner, 1e-3 rad"
         assert len(places) == 3 or max(bends) >= 3e-3
+
+
+def test_of_an_arm_whose_branches_have_other_measures_no_part_is_said_to_flip():
+    model, start = load_model("a12"), (1.9679, 1.4838, 1.172, 2.033, 1.3144, 1.4487)
+    at = pose_from_transform(forward(model, start))
+    to = c.Pose(tuple([a + b for a, b in zip(at.position, (-0.088, 0.289, 0.277))]), at.rpy)
+    line = walk(model, ToolFrames(IDENTITY, IDENTITY), start, c.LinearMove(to, 0.2, 1.0))
+    to_the_end(line.looks())
+    assert line.early_end.reason.startswith("singular: joint ")

@@ -222,3 +222,11 @@ def test_a_twist_changes_within_the_accelerations_of_place_and_turn_each_by_its_
     assert _towards((0.0,) * 6, both) == both
     assert _towards((0.0,) * 6, tuple([2.0 * value for value in both])) == pytest.approx(both)
     assert _towards((0.0,) * 6, (0.0, 0.0, 0.0, 0.0, 0.0, 4.0 * turn)) == pytest.approx((0.0,) * 5 + (turn,))
+
+
+def test_the_first_step_from_rest_is_one_of_the_acceleration_of_a_cycle():
+    follower = LineFollower(HOME, TOOL, ZU7, top_joint_speeds(ZU7), 200)
+    begin = compose(forward(ZU7, HOME), TOOL)
+    follower.step((0.25, 0.0, 0.0, 0.0, 0.0, 0.0), JogFrame.BASE)
+    way = distance_between(begin, compose(forward(ZU7, follower.now.joint_position), TOOL))
+    assert 0.0 < way <= 1.01 * TCP_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2

@@ -13,6 +13,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 import types
 from xml.dom import minidom
@@ -78,6 +79,17 @@ def test_parameters_that_are_there_are_left_and_told_only_where_they_differ(ther
     manager.set_parameters()
     assert kept == {"/c/type": there or CONTROLLER_TYPE, "/c/joints": ["joint_1"]}
     assert len(caplog.records) == is_told
+
+
+def test_what_offers_the_services_later_does_not_keep_the_driver_from_ending(monkeypatch):
+    manager = ControllerManager.__new__(ControllerManager)
+    manager._mode, offered = "auto", threading.Event()
+    monkeypatch.setattr(manager, "_offer", offered.set, raising=False)
+    before = set(threading.enumerate())
+    manager.offer()
+    later, = set(threading.enumerate()) - before
+    assert later.daemon and not offered.is_set()
+    later.cancel()
 
 
 class Held:
