@@ -3,10 +3,13 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
-from typing import BinaryIO, Optional, Type, Union
+from typing import BinaryIO, Optional, Set, Type, Union
 
 from .errors import BagError, OutputExists
+from .interrupts import put_off
 from .paths import PathLike
+
+_unfinished: "Set[OutputFile]" = set()
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:
@@ -53,6 +56,13 @@ class OutputFile:
         self.overwrite = overwrite
         check_output(self.path, overwrite)
         self.working_path = self.path.with_name(self.path.name + suffix)
+        self._process = os.getpid()
+        with put_off():  # an interruption between creation and note would leave the file behind
+            self._create(keep_leftover)
+            if not keep_leftover:
+                _unfinished.add(self)
+
+    def _create(self, keep_leftover: bool) -> None:
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if keep_leftover else 0)
         try:
             descriptor = os.open(str(self.working_path), flags, 0o666)
@@ -87,12 +97,13 @@ class OutputFile:
             OutputExists: The final name was taken meanwhile; the working file stays.
             OSError: The system refused; the working file stays.
         """
-        self._is_finished = True
-        if not self.overwrite and os.path.lexists(str(self.path)):
+        with put_off():
+            self._finish()
+            if not self.overwrite and os.path.lexists(str(self.path)):
+                self.file.close()
+                raise OutputExists("%s appeared meanwhile; the result is %s" % (self.path, self.working_path))
+            os.replace(str(self.working_path), str(self.path))
             self.file.close()
-            raise OutputExists("%s appeared meanwhile; the result is %s" % (self.path, self.working_path))
-        os.replace(str(self.working_path), str(self.path))
-        self.file.close()
 
     def abort(self) -> None:
         """Remove and close the working file; nothing of the final name is touched."""
@@ -102,8 +113,12 @@ class OutputFile:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(str(self.working_path))
         finally:
-            self._is_finished = True
+            self._finish()
             self.file.close()
+
+    def _finish(self) -> None:
+        self._is_finished = True
+        _unfinished.discard(self)
 
     def __enter__(self) -> "OutputFile":
         return self
@@ -113,6 +128,16 @@ class OutputFile:
             self.abort()
         elif not self._is_finished:
             self.commit()
+
+
+def abort_all() -> None:
+    """Remove what this process has not finished: the last thing before an interrupted program ends.
+
+    An interruption may come between the creation of a file and the block that would remove it, or in a destructor,
+    which swallows it.
+    """
+    for output in [each for each in _unfinished if each._process == os.getpid()]:
+        output.abort()
 
 
 def write_text(path: PathLike, text: str, overwrite: bool = False) -> None:

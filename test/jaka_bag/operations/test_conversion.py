@@ -326,6 +326,27 @@ def test_a_second_interruption_does_not_disturb_the_end_that_the_first_began(tmp
         assert done.returncode == 1 and os.listdir(str(tmp_path)) == ["log.bag"]
 
 
+@pytest.mark.parametrize("function, left", [("open", {"log.bag"}), ("replace", {"log.bag", "o.mcap"})])
+def test_an_interruption_beside_the_creation_or_the_naming_of_the_output_leaves_no_half_file(tmp_path, function, left):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    code = ("import os, signal, sys; sys.path.insert(0, %r)\n"
+            "from jaka_bag.cli.main import main\n"
+            "real = os.%s\n"
+            "def interrupted(path, *args):\n"
+            "    result = real(path, *args) if %r else None\n"
+            "    if str(path).endswith('.part'):\n"
+            "        os.kill(os.getpid(), signal.%s)\n"
+            "    return real(path, *args) if result is None else result\n"
+            "os.%s = interrupted\n"
+            "sys.exit(main(['convert', %r, '-o', %r, '--force']))")
+    for name in ("SIGINT", "SIGTERM"):
+        done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), function, function == "open", name, function,
+                                                             str(source), str(tmp_path / "o.mcap"))],
+                              stderr=subprocess.PIPE)
+        assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n" and done.returncode == 1
+        assert set(os.listdir(str(tmp_path))) == left
+
+
 @pytest.mark.parametrize("again", [False, True])
 def test_an_interrupted_folder_leaves_whole_files_only(tmp_path, again):
     """Press Ctrl-C once, or ``again`` while the workers are being ended."""

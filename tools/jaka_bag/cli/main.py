@@ -330,6 +330,9 @@ def _guarded(program: str, command: str, failed: int, run: Callable[[], int]) ->
     except OSError as error:
         print("%s: error: %s" % (program, error_line(error)), file=sys.stderr)
     except KeyboardInterrupt:
+        from ..output_file import abort_all
+
+        abort_all()
         print("%s: interrupted, no half file is left" % program, file=sys.stderr)
     except Exception:
         if failed == 1:

@@ -5,6 +5,7 @@ import signal
 from typing import Any, Iterable, Optional
 
 from ..interrupts import held_back
+from ..output_file import abort_all
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 
@@ -38,6 +39,7 @@ class _Worker:
         except KeyboardInterrupt:
             pass
         if cls.is_ending:  # asked here as well: what runs in a destructor swallows the exception
+            abort_all()
             os._exit(1)  # tasks that wait are not begun
         return result
 
