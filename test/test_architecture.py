@@ -65,7 +65,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "log_records": set(),
         "interrupts": set(),
         "paths": set(),
-        "output_file": {"errors", "paths"},
+        "output_file": {"errors", "interrupts", "paths"},
         "pipeline": set(),
         "allocator": set(),
         "messages": FLOOR,
