@@ -125,7 +125,6 @@ def test_threads_read_one_at_a_time_as_the_library_needs_it(folder, monkeypatch)
                 yield message
 
     monkeypatch.setattr(rosbag2, "Reader", Reader)
-    log = Rosbag2Folder(folder)
     with ThreadPoolExecutor(4) as pool:
-        first, *others = pool.map(lambda _: list(log.messages()), range(4))
+        first, *others = pool.map(lambda _: list(Rosbag2Folder(folder).messages()), range(4))
     assert len(first) == len(SAMPLES) and others == [first] * 3

@@ -81,7 +81,7 @@ class Rosbag2Folder:
         self._types: Dict[str, Ros1Type] = {}
         self._numbers: Dict[Any, int] = {}
         try:
-            with self._library.Reader(Path(folder)) as reader:
+            with self._open() as reader:
                 sources = list(reader.connections)
         except Exception as error:  # ReaderError, OSError, errors of sqlite3: whatever the storage meets
             raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (folder, error)) from error
@@ -121,11 +121,17 @@ class Rosbag2Folder:
         for source, log_time, _ in self._raw_messages(None, None):
             yield self._numbers[source.id], log_time
 
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[Any]:
+        """Open a reader for the thread that calls: databases are of the thread that opens them."""
+        with contextlib.ExitStack() as stack:
+            with _ONE_AT_A_TIME:  # an MCAP without a summary is unpacked here
+                reader = stack.enter_context(self._library.Reader(Path(self.folder)))
+            yield reader
+
     def _raw_messages(self, start: Optional[int], stop: Optional[int]) -> Iterator[Tuple[Any, int, bytes]]:
         try:
-            with contextlib.ExitStack() as stack:
-                with _ONE_AT_A_TIME:  # each thread with a reader of its own: a database is of the thread that opens it
-                    reader = stack.enter_context(self._library.Reader(Path(self.folder)))
+            with self._open() as reader:
                 wanted = [source for source in reader.connections if source.id in self._numbers]
                 messages = reader.messages(wanted, start=start, stop=stop) if wanted else iter(())
                 while True:
