@@ -10,6 +10,7 @@ from .interrupts import put_off
 from .paths import PathLike
 
 _unfinished: "Set[OutputFile]" = set()
+os.register_at_fork(after_in_child=_unfinished.clear)  # what the parent writes is the parent's
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:
@@ -56,7 +57,6 @@ class OutputFile:
         self.overwrite = overwrite
         check_output(self.path, overwrite)
         self.working_path = self.path.with_name(self.path.name + suffix)
-        self._process = os.getpid()
         with put_off():  # an interruption between creation and note would leave the file behind
             self._create(keep_leftover)
             if not keep_leftover:
@@ -136,7 +136,7 @@ def abort_all() -> None:
     An interruption may come between the creation of a file and the block that would remove it, or in a destructor,
     which swallows it.
     """
-    for output in [each for each in _unfinished if each._process == os.getpid()]:
+    for output in list(_unfinished):
         output.abort()
 
 

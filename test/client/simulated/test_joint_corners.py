@@ -76,11 +76,17 @@ def test_the_corners_beside_joint_moves_touch_both_ways_and_pass_within_the_tole
         assert math.dist(forward(MODEL, corners[-1][-1])[9:], tip) == pytest.approx(0.2 * 0.5 * 0.63, abs=1e-3)
 
 
-def test_a_place_on_a_line_is_told_by_its_share_of_the_whole_up_to_the_last_step():
-    at = pose_from_transform(forward(MODEL, HOME))
-    down = c.Pose(tuple([a + b for a, b in zip(at.position, (0.0, 0.0, -0.2))]), at.rpy)
-    line = walk(MODEL, ToolFrames(IDENTITY, IDENTITY), HOME, c.LinearMove(down, 0.2, 1.0))
+def walked(model, start, way):
+    """Return the walk along a line of the flange from these joints, rad (6,), by this way, m (3,), at its end."""
+    at = pose_from_transform(forward(model, start))
+    target = c.Pose(tuple([a + b for a, b in zip(at.position, way)]), at.rpy)
+    line = walk(model, ToolFrames(IDENTITY, IDENTITY), start, c.LinearMove(target, 0.2, 1.0))
     to_the_end(line.looks())
+    return line
+
+
+def test_a_place_on_a_line_is_told_by_its_share_of_the_whole_up_to_the_last_step():
+    line = walked(MODEL, HOME, (0.0, 0.0, -0.2))
     last = len(line.shares) - 1
     assert line.shares[-1] == 1.0 and last > 3
     for step in range(last):
@@ -100,9 +106,5 @@ def test_the_straight_lines_of_a_corner_are_near_to_it_and_no_more_than_that_nee
 
 
 def test_of_an_arm_whose_branches_have_other_measures_no_part_is_said_to_flip():
-    model, start = load_model("a12"), (1.9679, 1.4838, 1.172, 2.033, 1.3144, 1.4487)
-    at = pose_from_transform(forward(model, start))
-    to = c.Pose(tuple([a + b for a, b in zip(at.position, (-0.088, 0.289, 0.277))]), at.rpy)
-    line = walk(model, ToolFrames(IDENTITY, IDENTITY), start, c.LinearMove(to, 0.2, 1.0))
-    to_the_end(line.looks())
+    line = walked(load_model("a12"), (1.9679, 1.4838, 1.172, 2.033, 1.3144, 1.4487), (-0.088, 0.289, 0.277))
     assert line.early_end.reason.startswith("singular: joint ")
