@@ -156,9 +156,9 @@ def move(client, line, angle, speed=60.0):
 
 def test_blocking_move_ends_as_the_sdk_waits_for_it(make_arm):
     # Not in position in the first frame after acceptance; then the line's number together with inpos.
-    arm = make_arm(time_scale=5.0)
+    arm = make_arm(time_scale=1.0)
     with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as status:
-        assert move(client, 2, 20.0) == "0"
+        assert move(client, 2, 20.0, speed=10.0) == "0"
         frame = json.loads(poll(status))
         assert frame["inpos"] is False
         deadline = time.monotonic() + 20.0
@@ -187,10 +187,10 @@ def test_lines_of_an_earlier_client_are_forgotten(make_arm):
 
 
 def test_lines_of_an_earlier_client_are_forgotten_though_its_move_goes_on(make_arm):
-    arm = make_arm()
+    arm = make_arm(time_scale=1.0)
     with RawClient(arm.poll_port) as status:
         with RawClient(arm.command_port) as client:
-            assert move(client, 2, 100.0) == "0"
+            assert move(client, 2, 100.0, speed=2.0) == "0"  # takes 50 s
             wait_until(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
         with RawClient(arm.command_port) as client:
             assert client.ask("get_version")["errorCode"] == "0"
