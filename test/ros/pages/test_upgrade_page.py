@@ -1,6 +1,8 @@
 """The page docs/upgrade.md: a section for each released version, and what its users have written starts unchanged."""
 import contextlib
 import re
+import shutil
+import subprocess
 
 import pytest
 import roslaunch.arg_dump
@@ -19,6 +21,8 @@ PAGE = (ROOT / "docs" / "upgrade.md").read_text(encoding="utf-8")
 RECORDED = ROOT / "test" / "data" / "upgrade"
 RELEASED = re.findall(r"^(\d+\.\d+\.\d+) \(\d{4}-\d\d-\d\d\)$", (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8"),
                       re.MULTILINE)
+COMMITS = dict(re.findall(r"^\| (\d+\.\d+\.\d+) \| `([0-9a-f]{8,40})` \|$", PAGE, re.MULTILINE))
+"""The commits in the page's table, by version."""
 OLD_LAUNCH = "as_released.launch"
 """The name of robot_start_launch.launch there: roslaunch would find two files of that one in the package."""
 
@@ -30,6 +34,30 @@ def recorded(version, name):
 def test_each_released_version_has_its_section_and_its_configuration():
     assert RELEASED and [version for version in RELEASED if "\n## From %s\n" % version not in PAGE] == []
     assert {path.name for path in RECORDED.iterdir()} == set(RELEASED)
+
+
+def version_at(commit):
+    """Return the version in the package.xml of a commit; skip where this is no clone with its history."""
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("no git, or no clone: nobody can look into a commit")
+
+    def git(*words):
+        return subprocess.run(["git", "-C", str(ROOT), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
+        pytest.skip("a shallow clone, or one that git does not read: its history is not here")
+    shown = git("show", "%s:package.xml" % commit)
+    assert shown.returncode == 0, shown.stdout
+    return re.search(r"<version>(.+)</version>", shown.stdout).group(1)
+
+
+def test_each_released_version_has_its_commit():
+    assert set(COMMITS) == set(RELEASED)
+
+
+@pytest.mark.parametrize("version", COMMITS)
+def test_a_commit_is_the_first_with_its_version(version):
+    assert version_at(COMMITS[version]) == version != version_at(COMMITS[version] + "^")
 
 
 @pytest.mark.parametrize("version", RELEASED)
