@@ -177,7 +177,7 @@ def test_a_jog_over_a_link_that_is_too_slow_is_refused_with_the_reason(told):
     assert told.refused["state"] == "ended" and "too slow" in told.refused["why"] and not told.jogged
 
 
-def test_after_a_restart_of_the_master_a_page_moves_the_arm(ros_master, tmp_path, loop):
+def test_a_page_stops_the_arm_without_a_master_and_moves_it_after_its_restart(ros_master, tmp_path, loop):
     with Graph(tmp_path, is_mortal=True) as graph, contextlib.closing(
             SimulatorProcess("--start", "enabled")) as simulator, contextlib.ExitStack() as stack:
         stack.enter_context(DriverProcess("jaka_driver", graph.environment, **on(simulator, guard=False)))
@@ -203,6 +203,7 @@ def test_after_a_restart_of_the_master_a_page_moves_the_arm(ros_master, tmp_path
             return is_moving
         assert eventually(moves)
         graph.stop_master()
+        assert eventually(lambda: page.ask("stop", arm="/jaka_driver")["ok"]), "the panel knows where the driver is"
         graph.start_master()
         assert eventually(lambda: any(topic == "/jaka_driver/jog_joints" and "/panel" in nodes
                                       for topic, nodes in graph.master().getSystemState()[0])), "it registers again"
