@@ -38,6 +38,7 @@ program_places.import_what_is_under_test()  # before the conftest.py of folders 
 # machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("other_python", settings.get_profile("jaka"), max_examples=15)  # see .ci/run
 settings.load_profile("jaka")
 
 
