@@ -3,6 +3,8 @@
 A plain Python without ROS (another version, another machine) runs the rest. A file needs ROS when it, or a module of
 the package that it imports, imports a ROS package. The report at the end lists what was left out.
 """
+import gc
+import hashlib
 import importlib.util
 import itertools
 import os
@@ -10,7 +12,7 @@ import shutil
 import signal
 import tempfile
 from pathlib import Path
-from typing import List
+from typing import Dict, List
 
 import import_graph
 import program_places
@@ -32,7 +34,11 @@ BETWEEN = 4
 """Number of other files after which the next one that waits is begun."""
 LONGEST_ID = 200
 """Characters of a parameter that stands whole in the name of its test."""
+LEFT_OUT = "jaka/left_out"
+"""The name of what is kept between runs, by the state of the sources: the files that need what is missing."""
 left_out: List[str] = []
+
+gc.disable()  # until all is collected: looking through thousands of tests again and again takes a fifth of that time
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
 
@@ -40,6 +46,7 @@ program_places.import_what_is_under_test()  # before the conftest.py of folders 
 # machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("other_python", settings.get_profile("jaka"), max_examples=15)  # see .ci/run
 settings.load_profile("jaka")
 
 
@@ -57,6 +64,7 @@ def pytest_configure(config):
     """
     if hasattr(config, "workerinput") and os.getsid(0) != os.getpid():
         os.setsid()
+    config.jaka_left_out = known_needs(config) if MISSING else {}
     config.jaka_runtime_folder = os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="jaka_test_runtime_")
     program_places.enter()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -74,18 +82,49 @@ def pytest_make_parametrize_id(val):
     return None
 
 
+def state_of_sources() -> str:
+    """Return what changes with any file whose imports count."""
+    folders = (import_graph.ROOT / "test", *import_graph.PACKAGES.values())
+    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    known = [(str(path), path.stat().st_mtime_ns) for path in files]
+    return hashlib.sha256(repr((sorted(MISSING), known)).encode()).hexdigest()
+
+
+def known_needs(config) -> Dict[str, bool]:
+    """Return what an earlier run of the same sources has found: which file is left out.
+
+    To find it anew takes a third of the time of collecting, in each process of a parallel run.
+    """
+    config.jaka_state = state_of_sources()
+    kept = config.cache.get(LEFT_OUT, {}) if hasattr(config, "cache") else {}
+    return kept.get(config.jaka_state, {})
+
+
+def needs_ros(path: Path) -> bool:
+    if path in NEED_ROS:
+        return True
+    return path.suffix == ".py" and path.name.startswith("test_") and bool(
+        MISSING & import_graph.roots_behind(import_graph.parse(path), path.parent))
+
+
 def pytest_ignore_collect(collection_path, config):
     if not MISSING:
         return None
-    if collection_path in NEED_ROS:
-        needs = MISSING
-    elif collection_path.suffix == ".py" and collection_path.name.startswith("test_"):
-        needs = MISSING & import_graph.roots_behind(import_graph.parse(collection_path), collection_path.parent)
-    else:
-        return None
-    if needs:
-        left_out.append(str(collection_path.relative_to(import_graph.ROOT)))
-    return True if needs else None
+    name = str(collection_path.relative_to(import_graph.ROOT))
+    if name not in config.jaka_left_out:
+        config.jaka_left_out[name] = needs_ros(collection_path)
+    if config.jaka_left_out[name]:
+        left_out.append(name)
+        return True
+    return None
+
+
+def pytest_collection_finish(session):
+    gc.enable()
+    gc.freeze()  # what was collected stays until the end
+    config = session.config
+    if MISSING and not hasattr(config, "workerinput") and hasattr(config, "cache"):
+        config.cache.set(LEFT_OUT, {config.jaka_state: config.jaka_left_out})
 
 
 def pytest_collection_modifyitems(items):

@@ -20,15 +20,13 @@ from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint
 
 
 def planner(name):
-    """Return a module of the planners, which requirements.txt asks for from Python 3.10 on: only below may it be
-    missing."""
+    """Import and return a module of the planners where it is used: every process that collects tests has this file, and
+    these take seconds.
+
+    requirements.txt asks for them from Python 3.10 on: only below may one be missing.
+    """
     return pytest.importorskip(name) if sys.version_info < (3, 10) else importlib.import_module(name)
 
-
-base, geometric, util = planner("ompl.base"), planner("ompl.geometric"), planner("ompl.util")
-toppra, toppra_constraint, toppra_algorithm = (
-    planner("toppra"), planner("toppra.constraint"), planner("toppra.algorithm"))
-interpolate = planner("scipy.interpolate")
 
 PLANS = {"zu3": 10, "zu7": 10, "zu18": 10}
 BATCH = 5
@@ -64,6 +62,7 @@ def is_free(model, joints):
 
 def way(model, low, high, seed):
     """Return joints from one place at random to another, rad (n, 6), all above the floor."""
+    base, geometric, util = planner("ompl.base"), planner("ompl.geometric"), planner("ompl.util")
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(seed)
     chance = np.random.default_rng(seed)
@@ -96,15 +95,16 @@ def way(model, low, high, seed):
 
 def timed_way(model, seed, share, acceleration):
     """Return a way as a function of time, with this share of the joints' speeds and this acceleration, rad/s2."""
+    toppra, constraint, algorithm = planner("toppra"), planner("toppra.constraint"), planner("toppra.algorithm")
     low, high, speed = limits(model)
     points = way(model, low + MARGIN, high - MARGIN, seed)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate(([True], lengths > 1e-6))]
     along = np.concatenate(([0.0], np.cumsum(lengths[lengths > 1e-6])))
     top = share * np.minimum(speed, JOINT_SPEED_CEILING)
-    timed = toppra_algorithm.TOPPRA(
-        [toppra_constraint.JointVelocityConstraint(np.stack((-top, top), axis=1)),
-         toppra_constraint.JointAccelerationConstraint(np.array([[-acceleration, acceleration]] * 6))],
+    timed = algorithm.TOPPRA(
+        [constraint.JointVelocityConstraint(np.stack((-top, top), axis=1)),
+         constraint.JointAccelerationConstraint(np.array([[-acceleration, acceleration]] * 6))],
         toppra.SplineInterpolator(along, points), parametrizer="ParametrizeConstAccel").compute_trajectory()
     assert timed is not None
     return timed
@@ -130,7 +130,7 @@ def ideal(points):
     kinds = [[point.position for point in points], [point.velocity for point in points]]
     if points[0].acceleration is not None:
         kinds.append([point.acceleration for point in points])
-    return interpolate.BPoly.from_derivatives([point.time for point in points], np.stack(
+    return planner("scipy.interpolate").BPoly.from_derivatives([point.time for point in points], np.stack(
         [np.array(kind) for kind in kinds], axis=1))
 
 

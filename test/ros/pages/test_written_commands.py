@@ -2,6 +2,7 @@
 run."""
 import functools
 import importlib
+import json
 import os
 import re
 import shlex
@@ -36,16 +37,48 @@ OF_ACTIONS = ("/goal", "/cancel", "/feedback", "/command")
 FOUND = everything()
 
 
+def environment():
+    """Return the variables of a reader's shell that has sourced the place under test."""
+    kept = {name: value for name, value in os.environ.items()
+            if name in program_places.OF_A_SHELL or name.startswith("ROS_")}
+    return dict(kept, PATH="/usr/bin:/bin", HOME="/tmp", LANG="C.UTF-8")
+
+
+@functools.lru_cache(maxsize=None)
 def shell(text):
-    """Run a line as a reader does, at the top of the checkout, in a shell that has sourced the place under test."""
-    environment = {name: value for name, value in os.environ.items()
-                   if name in program_places.OF_A_SHELL or name.startswith("ROS_")}
-    environment.update(PATH="/usr/bin:/bin", HOME="/tmp", LANG="C.UTF-8")
-    done = subprocess.run(["bash", "-c", text], cwd=str(ROOT), env=environment, stdin=subprocess.DEVNULL, text=True,
+    """Run a line that changes nothing as a reader does, at the top of the checkout; return its output."""
+    done = subprocess.run(["bash", "-c", text], cwd=str(ROOT), env=environment(), stdin=subprocess.DEVNULL, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=200)
-    if done.returncode:
-        raise Wrong("exit %d: %s" % (done.returncode, done.stdout[-1500:]))
-    return done.stdout
+    return judged(done.stdout, done.returncode)
+
+
+def judged(said, code):
+    if code:
+        raise Wrong("exit %d: %s" % (code, said[-1500:]))
+    return said
+
+
+RUNNERS = {}
+"""The runners of scripts of ``parse_only.py``, by the beginning of a command line such as ``python3``."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def runners():
+    """End the runners with the module."""
+    yield
+    for one in RUNNERS.values():
+        one.communicate(timeout=60)
+    RUNNERS.clear()
+
+
+def run_until_understood(start, words):
+    if start not in RUNNERS:
+        RUNNERS[start] = subprocess.Popen(
+            ["bash", "-c", "exec env %s test/support/pages/parse_only.py" % start], cwd=str(ROOT), env=environment(),
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    RUNNERS[start].stdin.write(json.dumps(words) + "\n")
+    RUNNERS[start].stdin.flush()
+    judged(*json.loads(RUNNERS[start].stdout.readline()))
 
 
 def understand(program, words, is_whole):
@@ -73,12 +106,7 @@ def launched(words, program):
     if unknown:
         raise Wrong("%s has no argument %s" % (name, unknown))
     if program == "roslaunch":
-        files_of(name)
-
-
-@functools.lru_cache(maxsize=None)
-def files_of(name):
-    shell("roslaunch --files jaka_ros_driver %s" % name)
+        shell("roslaunch --files jaka_ros_driver %s" % name)
 
 
 def is_name_of_the_node(topic):
@@ -142,7 +170,7 @@ def run_by_python(before, python, words, target):
             raise Wrong("no file %s" % words[0])
         if words[0].startswith("test/fuzz/") and importlib.util.find_spec("atheris") is None:
             return "is there"  # by hand, with atheris
-        shell("%s test/support/pages/parse_only.py %s" % (start, " ".join(map(quoted, words))))
+        run_until_understood(start, words)
         return "understood"
     module = words[1]
     if module.split(".")[0] in PACKAGES:
@@ -161,10 +189,6 @@ def run_by_python(before, python, words, target):
         importlib.import_module(words[words.index("-p") + 1])
     shell("%s -m %s --version" % (start, module))
     return "understood"
-
-
-def quoted(word):
-    return "'%s'" % word
 
 
 def dev(words):
@@ -257,7 +281,7 @@ def checked(written):
     """Return what was done about each command of one line."""
     for text in concrete(written.text):
         if text.startswith("for "):
-            shell("bash -n -c %s" % quoted(text.replace("'", "'\\''")))
+            shell("bash -n -c %s" % shlex.quote(text))
             yield "understood"
             continue
         target = (re.search(r" > (docs/\S+)$", text) or [None, ""])[1]

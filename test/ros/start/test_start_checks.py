@@ -16,7 +16,8 @@ from std_msgs.msg import Bool
 from waiting import WAIT, StallWatch, eventually
 
 from jaka_ros_driver.ros import start_checks
-from jaka_ros_driver.ros.exit_codes import CONFIGURATION, UNREACHABLE
+from jaka_ros_driver.ros.exit_codes import CONFIGURATION, UNREACHABLE, exit_code_of
+from jaka_ros_driver.ros.params import WrongParameter
 from jaka_ros_driver.ros.services.table import SERVICES
 from jaka_ros_driver.ros.start_checks import refuse_words_that_are_not_taken, wait_for_time
 
@@ -30,6 +31,13 @@ def roscore(ros_master, free_ports, tmp_path):
     core.start()
     yield core
     core.kill()
+
+
+@pytest.fixture(scope="module")
+def resting():
+    """Return a simulated controller without drive power: no driver that is refused may change that."""
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        yield simulator
 
 
 def refusal(simulator, environment=None, expected=CONFIGURATION, **parameters):
@@ -64,12 +72,11 @@ def untouched(simulator):
 
 
 @pytest.mark.parametrize("name, value", [("ROS_HOSTNAME", "nobody.invalid"), ("ROS_IP", "192.0.2.7")])
-def test_a_node_that_no_client_can_reach_refuses_to_start_and_powers_nothing(ros_node, name, value):
-    with contextlib.closing(SimulatorProcess()) as simulator:
-        said = refusal(simulator, {name: value}, UNREACHABLE)
-        assert "/refused cannot start: clients are told to reach this node at http://%s:" % value in said
-        assert "the address comes from %s=%s" % (name, value) in said
-        assert untouched(simulator)
+def test_a_node_that_no_client_can_reach_refuses_to_start_and_powers_nothing(ros_node, resting, name, value):
+    said = refusal(resting, {name: value}, UNREACHABLE)
+    assert "/refused cannot start: clients are told to reach this node at http://%s:" % value in said
+    assert "the address comes from %s=%s" % (name, value) in said
+    assert untouched(resting)
 
 
 @pytest.mark.parametrize("name, value, words", [
@@ -81,40 +88,45 @@ def test_a_node_that_no_client_can_reach_refuses_to_start_and_powers_nothing(ros
     ("joint_states_topic", "jaka_zu7_controller/state", "/jaka_zu7_controller/state"),
     ("joint_states_topic", "/of_a_camera", "it has the type std_msgs/Bool already"),
     ("trajectory_controller", "of_a_cell", "it has the type std_msgs/Bool already")])
-def test_a_topic_that_is_used_for_something_else_is_refused(ros_node, name, value, words):
+def test_a_topic_that_is_used_for_something_else_is_refused(ros_node, resting, name, value, words):
     others = [rospy.Publisher(topic, Bool, queue_size=1) for topic in ("/of_a_camera", "/of_a_cell/command")]
-    with contextlib.closing(SimulatorProcess()) as simulator:
-        said = refusal(simulator, **{name: value})
-        assert "cannot start: " in said and words in said and "~" + name in said, said
-        assert untouched(simulator)
+    said = refusal(resting, **{name: value})
+    assert "cannot start: " in said and words in said and "~" + name in said, said
+    assert untouched(resting)
     for other in others:
         other.unregister()
 
 
-def test_a_remapping_that_makes_two_topics_one_is_refused(ros_node):
-    with contextlib.closing(SimulatorProcess()) as simulator:
-        said = refusal(simulator, remappings=["joint_states:=/refused/jog_joints"])
-        assert "would use /refused/jog_joints for two things at once" in said
-        assert untouched(simulator)
+def test_a_remapping_that_makes_two_topics_one_is_refused(ros_node, resting):
+    said = refusal(resting, remappings=["joint_states:=/refused/jog_joints"])
+    assert "would use /refused/jog_joints for two things at once" in said
+    assert untouched(resting)
 
 
 @pytest.mark.parametrize("word, problem", [
-    ("_ip:=", "_ip:= has no value"), ("_ip:= ", "_ip:=  has no value"), ("_model:=", "_model:= has no value"),
-    ("_ip:=~", "_ip:=~ has no value: null in YAML"), ("_ip:=''", "parameter ~ip is ''"),
-    ("ip:=10.5.5.100", "ip:=10.5.5.100 would be the remapping of a topic; the parameter is set by _ip:=10.5.5.100"),
-    ("~ip:=10.5.5.100", "the parameter is set by _ip:=10.5.5.100"), ("_ip:=10.5.5.100:=1", "has := more than once"),
-    ("_ip:=[10.5", "is no YAML"), ("__ns:=", "__ns:= has no value"), ("joint_states:=", "joint_states:= has no value")])
-def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node, word, problem):
+    ("_ip:=", "_ip:= has no value"), ("_ip:=''", "parameter ~ip is ''"),
+    ("ip:=10.5.5.100", "ip:=10.5.5.100 would be the remapping of a topic; the parameter is set by _ip:=10.5.5.100")])
+def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node, resting, word, problem):
     # the default is the address on which a simulated controller, or a tunnel to a real one, may listen
-    with contextlib.closing(SimulatorProcess()) as simulator:
-        given = on(simulator)
-        del given["ip"]
-        with DriverProcess("refused", None, remappings=[word], **given) as driver:
-            code, said = driver.wait()
-        assert code == CONFIGURATION and "Traceback" not in said and "cannot start: " in said and problem in said, said
-        assert untouched(simulator)
+    given = on(resting)
+    del given["ip"]
+    with DriverProcess("refused", None, remappings=[word], **given) as driver:
+        code, said = driver.wait()
+    assert code == CONFIGURATION and "Traceback" not in said and "cannot start: " in said and problem in said, said
+    assert untouched(resting)
     with contextlib.suppress(KeyError):
         rospy.delete_param("/refused")
+
+
+@pytest.mark.parametrize("word, problem", [
+    ("_ip:= ", "_ip:=  has no value"), ("_model:=", "_model:= has no value"),
+    ("_ip:=~", "_ip:=~ has no value: null in YAML"), ("~ip:=10.5.5.100", "the parameter is set by _ip:=10.5.5.100"),
+    ("_ip:=10.5.5.100:=1", "has := more than once"), ("_ip:=[10.5", "is no YAML"),
+    ("__ns:=", "__ns:= has no value"), ("joint_states:=", "joint_states:= has no value")])
+def test_so_is_any_other_word_without_the_effect_that_it_seems_to_have(word, problem):
+    with pytest.raises(WrongParameter) as caught:
+        refuse_words_that_are_not_taken([word])
+    assert problem in str(caught.value) and exit_code_of(caught.value) == CONFIGURATION
 
 
 @pytest.mark.parametrize("words", [["__name:=x", "__log:=/tmp/x.log", "joint_states:=/a/b", "_ip:=10.5.5.100"],

@@ -90,12 +90,7 @@ def _message(module: str, kind: Any) -> Tuple[str, List[Tuple[str, str]]]:
     lines = ["", "", "class %s(genpy.Message):" % kind.__name__]
     lines += ["    %s: ClassVar[%s]" % (name, type(value).__name__) for name, value in sorted(vars(kind).items())
               if name.isupper() and isinstance(value, (bool, int, float, str))]
-    lines += ["    %s: %s" % field for field in fields]
-    if fields:
-        lines.append("    def __init__(")
-        lines.append("        self,")
-        lines += ["        %s: %s = ...," % field for field in fields]
-        lines.append("    ) -> None: ...")
+    lines += ["    %s: %s = ..." % field for field in fields]
     if len(lines) == 3:
         lines[-1] += " ..."
     return "\n".join(lines[1:]) + "\n", used

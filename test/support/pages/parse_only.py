@@ -1,15 +1,27 @@
-"""A runner that executes a Python script until it has understood its arguments, and no further.
+"""A runner that executes Python scripts until they have understood their arguments, and no further.
 
-Its arguments are the script's file and the script's arguments. All that the script imports and prepares is done. Where
-it has an argparse parser, that one judges the arguments; else the last block of the script does, with functions that do
-nothing in place of its own. Exit code 0: understood, 2: not by the parser, 3: the script began its work without asking
-its parser.
+It reads commands, one JSON list a line: a script's file and the script's arguments. All that the script imports and
+prepares is done, in a process of its own that is forked from this one, which has imported what takes long. Where the
+script has an argparse parser, that one judges the arguments; else the last block of the script does, with functions
+that do nothing in place of its own.
+
+For each command it writes a line, a JSON list of what the script said and its exit code. 0: understood, 1: the script
+cannot run, 2: not understood by the parser, 3: the script began its work without asking its parser.
 """
 import argparse
 import ast
+import contextlib
+import importlib
+import json
+import os
 import sys
+import tempfile
+import traceback
 import types
 from pathlib import Path
+
+SLOW = ("aiohttp", "numpy", "roslaunch", "rosmaster.master", "rospy", "rostopic")
+"""Packages of others that many scripts import."""
 
 
 class Understood(BaseException):
@@ -55,7 +67,34 @@ def understand(script: Path) -> int:
     return 3 if has_parser else 0
 
 
+def run(words: "list[str]") -> None:
+    """Run a script in this process, and end the process with the exit code."""
+    sys.argv[:] = words
+    sys.path[0] = str(Path(words[0]).resolve().parent)
+    try:
+        code = understand(Path(words[0]))
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
-    sys.argv.pop(0)
-    sys.path[0] = str(Path(sys.argv[0]).resolve().parent)
-    sys.exit(understand(Path(sys.argv[0])))
+    for name in SLOW:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    for line in sys.stdin:
+        with tempfile.TemporaryFile() as output:
+            child = os.fork()
+            if not child:
+                os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+                os.dup2(output.fileno(), 1)
+                os.dup2(output.fileno(), 2)
+                run(json.loads(line))
+            _, status = os.waitpid(child, 0)
+            output.seek(0)
+            print(json.dumps([output.read().decode(errors="replace"), os.WEXITSTATUS(status)]), flush=True)

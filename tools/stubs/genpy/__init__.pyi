@@ -1,11 +1,12 @@
 from typing import Any, ClassVar, overload
 
-from typing_extensions import Self
+from typing_extensions import Self, dataclass_transform
 
 class MessageException(Exception): ...
 class DeserializationError(MessageException): ...
-class SerializationError(MessageException): ...
 
+# The fields of a generated message, in their order, are the arguments of its constructor.
+@dataclass_transform()
 class Message:
     _type: ClassVar[str]
     _md5sum: ClassVar[str]

@@ -4,13 +4,8 @@ from typing import ClassVar
 import genpy
 
 class GoalID(genpy.Message):
-    stamp: genpy.Time
-    id: str
-    def __init__(
-        self,
-        stamp: genpy.Time = ...,
-        id: str = ...,
-    ) -> None: ...
+    stamp: genpy.Time = ...
+    id: str = ...
 
 class GoalStatus(genpy.Message):
     ABORTED: ClassVar[int]
@@ -23,12 +18,6 @@ class GoalStatus(genpy.Message):
     RECALLING: ClassVar[int]
     REJECTED: ClassVar[int]
     SUCCEEDED: ClassVar[int]
-    goal_id: GoalID
-    status: int
-    text: str
-    def __init__(
-        self,
-        goal_id: GoalID = ...,
-        status: int = ...,
-        text: str = ...,
-    ) -> None: ...
+    goal_id: GoalID = ...
+    status: int = ...
+    text: str = ...

@@ -12,13 +12,8 @@ class ClearErr:
 class ClearErrRequest(genpy.Message): ...
 
 class ClearErrResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class ClearError:
     _type: ClassVar[str]
@@ -27,20 +22,11 @@ class ClearError:
     _response_class: ClassVar[type[ClearErrorResponse]]
 
 class ClearErrorRequest(genpy.Message):
-    enable: bool
-    def __init__(
-        self,
-        enable: bool = ...,
-    ) -> None: ...
+    enable: bool = ...
 
 class ClearErrorResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class GetFK:
     _type: ClassVar[str]
@@ -49,20 +35,11 @@ class GetFK:
     _response_class: ClassVar[type[GetFKResponse]]
 
 class GetFKRequest(genpy.Message):
-    joint: Sequence[float]
-    def __init__(
-        self,
-        joint: Sequence[float] = ...,
-    ) -> None: ...
+    joint: Sequence[float] = ...
 
 class GetFKResponse(genpy.Message):
-    cartesian_pose: Sequence[float]
-    message: str
-    def __init__(
-        self,
-        cartesian_pose: Sequence[float] = ...,
-        message: str = ...,
-    ) -> None: ...
+    cartesian_pose: Sequence[float] = ...
+    message: str = ...
 
 class GetIK:
     _type: ClassVar[str]
@@ -71,22 +48,12 @@ class GetIK:
     _response_class: ClassVar[type[GetIKResponse]]
 
 class GetIKRequest(genpy.Message):
-    ref_joint: Sequence[float]
-    cartesian_pose: Sequence[float]
-    def __init__(
-        self,
-        ref_joint: Sequence[float] = ...,
-        cartesian_pose: Sequence[float] = ...,
-    ) -> None: ...
+    ref_joint: Sequence[float] = ...
+    cartesian_pose: Sequence[float] = ...
 
 class GetIKResponse(genpy.Message):
-    joint: Sequence[float]
-    message: str
-    def __init__(
-        self,
-        joint: Sequence[float] = ...,
-        message: str = ...,
-    ) -> None: ...
+    joint: Sequence[float] = ...
+    message: str = ...
 
 class GetIO:
     _type: ClassVar[str]
@@ -95,26 +62,14 @@ class GetIO:
     _response_class: ClassVar[type[GetIOResponse]]
 
 class GetIORequest(genpy.Message):
-    signal: str
-    path: int
-    type: int
-    index: int
-    def __init__(
-        self,
-        signal: str = ...,
-        path: int = ...,
-        type: int = ...,
-        index: int = ...,
-    ) -> None: ...
+    signal: str = ...
+    path: int = ...
+    type: int = ...
+    index: int = ...
 
 class GetIOResponse(genpy.Message):
-    value: float
-    message: str
-    def __init__(
-        self,
-        value: float = ...,
-        message: str = ...,
-    ) -> None: ...
+    value: float = ...
+    message: str = ...
 
 class LoadProgram:
     _type: ClassVar[str]
@@ -123,20 +78,11 @@ class LoadProgram:
     _response_class: ClassVar[type[LoadProgramResponse]]
 
 class LoadProgramRequest(genpy.Message):
-    name: str
-    def __init__(
-        self,
-        name: str = ...,
-    ) -> None: ...
+    name: str = ...
 
 class LoadProgramResponse(genpy.Message):
-    success: bool
-    message: str
-    def __init__(
-        self,
-        success: bool = ...,
-        message: str = ...,
-    ) -> None: ...
+    success: bool = ...
+    message: str = ...
 
 class Move:
     _type: ClassVar[str]
@@ -145,36 +91,19 @@ class Move:
     _response_class: ClassVar[type[MoveResponse]]
 
 class MoveRequest(genpy.Message):
-    pose: Sequence[float]
-    has_ref: bool
-    ref_joint: Sequence[float]
-    mvvelo: float
-    mvacc: float
-    mvtime: float
-    mvradii: float
-    coord_mode: int
-    index: int
-    def __init__(
-        self,
-        pose: Sequence[float] = ...,
-        has_ref: bool = ...,
-        ref_joint: Sequence[float] = ...,
-        mvvelo: float = ...,
-        mvacc: float = ...,
-        mvtime: float = ...,
-        mvradii: float = ...,
-        coord_mode: int = ...,
-        index: int = ...,
-    ) -> None: ...
+    pose: Sequence[float] = ...
+    has_ref: bool = ...
+    ref_joint: Sequence[float] = ...
+    mvvelo: float = ...
+    mvacc: float = ...
+    mvtime: float = ...
+    mvradii: float = ...
+    coord_mode: int = ...
+    index: int = ...
 
 class MoveResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class ServoMove:
     _type: ClassVar[str]
@@ -189,38 +118,19 @@ class ServoMoveEnable:
     _response_class: ClassVar[type[ServoMoveEnableResponse]]
 
 class ServoMoveEnableRequest(genpy.Message):
-    enable: bool
-    def __init__(
-        self,
-        enable: bool = ...,
-    ) -> None: ...
+    enable: bool = ...
 
 class ServoMoveEnableResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class ServoMoveRequest(genpy.Message):
-    pose: Sequence[float]
-    speed: Sequence[float]
-    def __init__(
-        self,
-        pose: Sequence[float] = ...,
-        speed: Sequence[float] = ...,
-    ) -> None: ...
+    pose: Sequence[float] = ...
+    speed: Sequence[float] = ...
 
 class ServoMoveResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetCollision:
     _type: ClassVar[str]
@@ -229,22 +139,12 @@ class SetCollision:
     _response_class: ClassVar[type[SetCollisionResponse]]
 
 class SetCollisionRequest(genpy.Message):
-    is_enable: bool
-    value: int
-    def __init__(
-        self,
-        is_enable: bool = ...,
-        value: int = ...,
-    ) -> None: ...
+    is_enable: bool = ...
+    value: int = ...
 
 class SetCollisionResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetIO:
     _type: ClassVar[str]
@@ -253,26 +153,14 @@ class SetIO:
     _response_class: ClassVar[type[SetIOResponse]]
 
 class SetIORequest(genpy.Message):
-    signal: str
-    type: int
-    index: int
-    value: float
-    def __init__(
-        self,
-        signal: str = ...,
-        type: int = ...,
-        index: int = ...,
-        value: float = ...,
-    ) -> None: ...
+    signal: str = ...
+    type: int = ...
+    index: int = ...
+    value: float = ...
 
 class SetIOResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetPayload:
     _type: ClassVar[str]
@@ -281,28 +169,15 @@ class SetPayload:
     _response_class: ClassVar[type[SetPayloadResponse]]
 
 class SetPayloadRequest(genpy.Message):
-    tool_num: int
-    mass: float
-    xc: float
-    yc: float
-    zc: float
-    def __init__(
-        self,
-        tool_num: int = ...,
-        mass: float = ...,
-        xc: float = ...,
-        yc: float = ...,
-        zc: float = ...,
-    ) -> None: ...
+    tool_num: int = ...
+    mass: float = ...
+    xc: float = ...
+    yc: float = ...
+    zc: float = ...
 
 class SetPayloadResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetSpeedSlider:
     _type: ClassVar[str]
@@ -311,20 +186,11 @@ class SetSpeedSlider:
     _response_class: ClassVar[type[SetSpeedSliderResponse]]
 
 class SetSpeedSliderRequest(genpy.Message):
-    speed_slider_fraction: float
-    def __init__(
-        self,
-        speed_slider_fraction: float = ...,
-    ) -> None: ...
+    speed_slider_fraction: float = ...
 
 class SetSpeedSliderResponse(genpy.Message):
-    success: bool
-    message: str
-    def __init__(
-        self,
-        success: bool = ...,
-        message: str = ...,
-    ) -> None: ...
+    success: bool = ...
+    message: str = ...
 
 class SetTcpFrame:
     _type: ClassVar[str]
@@ -333,22 +199,12 @@ class SetTcpFrame:
     _response_class: ClassVar[type[SetTcpFrameResponse]]
 
 class SetTcpFrameRequest(genpy.Message):
-    pose: Sequence[float]
-    tool_num: int
-    def __init__(
-        self,
-        pose: Sequence[float] = ...,
-        tool_num: int = ...,
-    ) -> None: ...
+    pose: Sequence[float] = ...
+    tool_num: int = ...
 
 class SetTcpFrameResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetUserFrame:
     _type: ClassVar[str]
@@ -357,22 +213,12 @@ class SetUserFrame:
     _response_class: ClassVar[type[SetUserFrameResponse]]
 
 class SetUserFrameRequest(genpy.Message):
-    pose: Sequence[float]
-    user_num: int
-    def __init__(
-        self,
-        pose: Sequence[float] = ...,
-        user_num: int = ...,
-    ) -> None: ...
+    pose: Sequence[float] = ...
+    user_num: int = ...
 
 class SetUserFrameResponse(genpy.Message):
-    ret: int
-    message: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
 
 class SetWorkspace:
     _type: ClassVar[str]
@@ -381,19 +227,9 @@ class SetWorkspace:
     _response_class: ClassVar[type[SetWorkspaceResponse]]
 
 class SetWorkspaceRequest(genpy.Message):
-    yaml: str
-    def __init__(
-        self,
-        yaml: str = ...,
-    ) -> None: ...
+    yaml: str = ...
 
 class SetWorkspaceResponse(genpy.Message):
-    ret: int
-    message: str
-    yaml: str
-    def __init__(
-        self,
-        ret: int = ...,
-        message: str = ...,
-        yaml: str = ...,
-    ) -> None: ...
+    ret: int = ...
+    message: str = ...
+    yaml: str = ...

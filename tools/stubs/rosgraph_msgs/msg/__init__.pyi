@@ -10,22 +10,11 @@ class Log(genpy.Message):
     FATAL: ClassVar[int]
     INFO: ClassVar[int]
     WARN: ClassVar[int]
-    header: std_msgs.msg.Header
-    level: int
-    name: str
-    msg: str
-    file: str
-    function: str
-    line: int
-    topics: Sequence[str]
-    def __init__(
-        self,
-        header: std_msgs.msg.Header = ...,
-        level: int = ...,
-        name: str = ...,
-        msg: str = ...,
-        file: str = ...,
-        function: str = ...,
-        line: int = ...,
-        topics: Sequence[str] = ...,
-    ) -> None: ...
+    header: std_msgs.msg.Header = ...
+    level: int = ...
+    name: str = ...
+    msg: str = ...
+    file: str = ...
+    function: str = ...
+    line: int = ...
+    topics: Sequence[str] = ...

@@ -5,16 +5,8 @@ import genpy
 import std_msgs.msg
 
 class JointState(genpy.Message):
-    header: std_msgs.msg.Header
-    name: Sequence[str]
-    position: Sequence[float]
-    velocity: Sequence[float]
-    effort: Sequence[float]
-    def __init__(
-        self,
-        header: std_msgs.msg.Header = ...,
-        name: Sequence[str] = ...,
-        position: Sequence[float] = ...,
-        velocity: Sequence[float] = ...,
-        effort: Sequence[float] = ...,
-    ) -> None: ...
+    header: std_msgs.msg.Header = ...
+    name: Sequence[str] = ...
+    position: Sequence[float] = ...
+    velocity: Sequence[float] = ...
+    effort: Sequence[float] = ...

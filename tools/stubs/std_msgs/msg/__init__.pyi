@@ -4,55 +4,25 @@ from typing import Sequence
 import genpy
 
 class Bool(genpy.Message):
-    data: bool
-    def __init__(
-        self,
-        data: bool = ...,
-    ) -> None: ...
+    data: bool = ...
 
 class Float64(genpy.Message):
-    data: float
-    def __init__(
-        self,
-        data: float = ...,
-    ) -> None: ...
+    data: float = ...
 
 class Float64MultiArray(genpy.Message):
-    layout: MultiArrayLayout
-    data: Sequence[float]
-    def __init__(
-        self,
-        layout: MultiArrayLayout = ...,
-        data: Sequence[float] = ...,
-    ) -> None: ...
+    layout: MultiArrayLayout = ...
+    data: Sequence[float] = ...
 
 class Header(genpy.Message):
-    seq: int
-    stamp: genpy.Time
-    frame_id: str
-    def __init__(
-        self,
-        seq: int = ...,
-        stamp: genpy.Time = ...,
-        frame_id: str = ...,
-    ) -> None: ...
+    seq: int = ...
+    stamp: genpy.Time = ...
+    frame_id: str = ...
 
 class MultiArrayDimension(genpy.Message):
-    label: str
-    size: int
-    stride: int
-    def __init__(
-        self,
-        label: str = ...,
-        size: int = ...,
-        stride: int = ...,
-    ) -> None: ...
+    label: str = ...
+    size: int = ...
+    stride: int = ...
 
 class MultiArrayLayout(genpy.Message):
-    dim: Sequence[MultiArrayDimension]
-    data_offset: int
-    def __init__(
-        self,
-        dim: Sequence[MultiArrayDimension] = ...,
-        data_offset: int = ...,
-    ) -> None: ...
+    dim: Sequence[MultiArrayDimension] = ...
+    data_offset: int = ...

@@ -20,20 +20,11 @@ class SetBool:
     _response_class: ClassVar[type[SetBoolResponse]]
 
 class SetBoolRequest(genpy.Message):
-    data: bool
-    def __init__(
-        self,
-        data: bool = ...,
-    ) -> None: ...
+    data: bool = ...
 
 class SetBoolResponse(genpy.Message):
-    success: bool
-    message: str
-    def __init__(
-        self,
-        success: bool = ...,
-        message: str = ...,
-    ) -> None: ...
+    success: bool = ...
+    message: str = ...
 
 class Trigger:
     _type: ClassVar[str]
@@ -44,10 +35,5 @@ class Trigger:
 class TriggerRequest(genpy.Message): ...
 
 class TriggerResponse(genpy.Message):
-    success: bool
-    message: str
-    def __init__(
-        self,
-        success: bool = ...,
-        message: str = ...,
-    ) -> None: ...
+    success: bool = ...
+    message: str = ...

@@ -5,8 +5,4 @@ import genpy
 import geometry_msgs.msg
 
 class TFMessage(genpy.Message):
-    transforms: Sequence[geometry_msgs.msg.TransformStamped]
-    def __init__(
-        self,
-        transforms: Sequence[geometry_msgs.msg.TransformStamped] = ...,
-    ) -> None: ...
+    transforms: Sequence[geometry_msgs.msg.TransformStamped] = ...
