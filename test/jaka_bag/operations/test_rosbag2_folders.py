@@ -49,9 +49,6 @@ def test_a_folder_becomes_a_log(request, storage, suffix, tmp_path, capsys):
     target = tmp_path / ("back" + suffix)
     assert main(["convert", str(source), str(target)]) == 0
     assert "%d messages" % len(SAMPLES) in capsys.readouterr().out
-    if storage == "sqlite3":
-        assert main(["info", *map(str, source.glob("*.db3"))]) == 1
-        assert "is a part of a rosbag2 folder" in capsys.readouterr().err
     back = read(target)
     assert without_seq(back) == without_seq(in_order(SAMPLES))
     assert {s.connection.topic for s in back if s.connection.latching} == {MODEL.topic}

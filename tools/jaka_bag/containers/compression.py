@@ -4,11 +4,11 @@
 """
 import os
 import threading
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, BinaryIO, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .cut_blocks import cut_off_part, zstd_blocks
-from .index import Buffer
+from .index import Buffer, read_at
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
@@ -26,6 +26,9 @@ _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 
 _PIECE = 4096
 _STEP = 1 << 16
+_READ = 1 << 20
+_WHOLE_FLOOR, _WHOLE_RATIO = 1 << 30, 1000
+"""The limit of what a file that is compressed as a whole may claim, which goes to the disk."""
 
 _local = threading.local()
 
@@ -204,6 +207,32 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     if len(result) != size:
         raise BagFormatError("a chunk has %d bytes instead of %d" % (len(result), size))
     return result
+
+
+def unpack_file(descriptor: int, size: int, out: BinaryIO) -> Tuple[int, str]:
+    """Unpack a file that was compressed as a whole with zstd into another one, up to its first damage.
+
+    Returns:
+        The first byte of the file that is not unpacked, and the reason; an empty reason where all is.
+    """
+    zstandard = _import("zstandard", "zstd")
+    decoder = zstandard.ZstdDecompressor().decompressobj()
+    most = _limit(_WHOLE_FLOOR, _WHOLE_RATIO, size)
+    at = 0
+    try:
+        for begin in range(0, size, _READ):
+            raw = memoryview(read_at(descriptor, begin, _READ))
+            for at in range(begin, begin + len(raw), _PIECE):  # where a piece is damaged, what it gives is lost
+                out.write(decoder.decompress(raw[at - begin:at - begin + _PIECE]))
+                if decoder.eof:
+                    return size, ""
+                if out.tell() > most:
+                    return at, str(_limit_reached("it is", out.tell(), most))
+    except zstandard.ZstdError as error:
+        return at, str(error)
+    finally:
+        out.flush()
+    return at, "it ends too early"
 
 
 def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> bytes:

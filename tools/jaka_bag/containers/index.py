@@ -25,6 +25,7 @@ class ChunkRef(NamedTuple):
         end_time: Latest log time in it, ns.
         counts: Messages by number of the connection; empty where the index does not say.
         is_loose: The bytes are plain records rather than one chunk record (MCAP without chunks).
+        rows: Numbers of the first and the last row of a database; of files no meaning.
     """
 
     position: int
@@ -33,6 +34,7 @@ class ChunkRef(NamedTuple):
     end_time: int
     counts: Dict[int, int]
     is_loose: bool = False
+    rows: Tuple[int, int] = (0, 0)
 
 
 class AttachmentIndex(NamedTuple):
@@ -85,7 +87,7 @@ class LogIndex(NamedTuple):
     """The index of one log.
 
     Attributes:
-        format: ``bag``, ``mcap`` or ``rosbag2``.
+        format: ``bag``, ``mcap``, ``sqlite3`` or ``rosbag2``.
         version: Version of the format.
         path: The file.
         size: byte.
