@@ -70,7 +70,9 @@ def test_info_tells_the_facts_of_a_folder(folder, capsys):
     assert main(["info", "--json", str(folder)]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["messages"] == len(SAMPLES) and facts["start_ns"] == in_order(SAMPLES)[0].time
-    assert main(["info", "--freq", str(folder)]) == 2
+    assert main(["info", "--freq", str(folder)]) == 0
+    assert "/jaka_driver/joint_position        62 msgs" in capsys.readouterr().out
+    assert main(["info", "--seq", str(folder)]) == 2
 
 
 def test_types_that_ros1_cannot_have_are_left_out(tmp_path, capsys):

@@ -168,6 +168,17 @@ def _decompress_bz2(data: Buffer, size: int) -> bytes:
     return b"".join(parts)
 
 
+def check_chunk(size: int, stored: int) -> None:
+    """Check the size that ``stored`` bytes of a chunk are unpacked to.
+
+    Raises:
+        LimitReached: It is too much.
+    """
+    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, stored)
+    if size < 0 or size > most:
+        raise _limit_reached("a chunk of %d bytes is" % stored, size, most)
+
+
 def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     """Decompress one chunk into its ``size`` bytes; never use more memory than that.
 
@@ -175,9 +186,8 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
         BagFormatError: The data is damaged, or its size is not ``size``.
         LimitReached: It claims too much.
     """
-    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
-    if size < 0 or (codec not in ("none", "") and size > most):
-        raise _limit_reached("a chunk of %d bytes is" % len(data), size, most)
+    if size < 0 or codec not in ("none", ""):
+        check_chunk(size, len(data))
     result: Buffer
     try:
         if codec in ("none", ""):

@@ -2,7 +2,7 @@
 import os
 import sys
 from array import array
-from typing import BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from ..errors import BagError
 from ..messages.connection import Connection
@@ -10,8 +10,9 @@ from ..paths import PathLike
 
 METADATA = "metadata.yaml"
 """The file that makes a folder one of rosbag2."""
-STORAGE_SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
-"""Suffixes of its files of messages."""
+PACKED_SUFFIXES = (".mcap.zstd", ".db3.zstd")
+STORAGE_SUFFIXES = (".mcap", ".db3", *PACKED_SUFFIXES)
+"""Suffixes of its files of messages, and of those that are compressed as a whole."""
 Buffer = Union[bytes, bytearray, memoryview]
 
 
@@ -173,6 +174,18 @@ def is_folder_of_messages(path: PathLike) -> bool:
         return any(name == METADATA or name.endswith(STORAGE_SUFFIXES) for name in os.listdir(str(path)))
     except OSError:
         return False
+
+
+def _by_number(name: str) -> List[Any]:
+    """Return a key that sorts ``run_10`` behind ``run_9``."""
+    import re
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def storage_files(folder: PathLike) -> List[str]:
+    """Return the names of the files of messages in a folder, in the order of their numbers."""
+    return sorted((name for name in os.listdir(str(folder)) if name.endswith(STORAGE_SUFFIXES)),
+                  key=_by_number)
 
 
 def _what_is_there(path: str) -> str:

@@ -1,6 +1,5 @@
 """The recovery of rosbag2 folders: each file of messages in order, with ``metadata.yaml`` or without it."""
 import os
-import re
 import tempfile
 from pathlib import Path
 from typing import Any, BinaryIO, Callable, Dict, Iterator, List, Tuple
@@ -12,26 +11,15 @@ from ..messages.batch import Array, MessageBatch, distinct, with_payloads
 from ..messages.connection import Connection
 from ..paths import PathLike
 from .compression import unpack_file
-from .index import METADATA, STORAGE_SUFFIXES, AttachmentIndex, MetadataIndex, open_for_reading
+from .index import METADATA, AttachmentIndex, MetadataIndex, open_for_reading, storage_files
 from .mcap.recovery import McapRecovery
+from .packed_messages import may_be_packed, unpacked
 from .recovery import LogRecovery, Loss, Stretch
-from .sqlite_records import ZSTD, unpacked
 from .sqlite_recovery import SqliteRecovery
 
 _PACKED = ".zstd"
 _DECLARATIONS = "rosbag2"
 """Name of the record in which an MCAP of a folder repeats the folder's ``metadata.yaml``."""
-
-
-def _by_number(name: str) -> List[Any]:
-    """Return a key that sorts ``run_10`` behind ``run_9``."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
-
-
-def storage_files(folder: PathLike) -> List[str]:
-    """Return the names of the files of messages in a folder, in the order of their numbers."""
-    return sorted((name for name in os.listdir(str(folder)) if name.endswith(STORAGE_SUFFIXES)),
-                  key=_by_number)
 
 
 def declarations(folder: PathLike) -> Tuple[List[str], int, Dict[str, int]]:
@@ -159,8 +147,7 @@ class Rosbag2Recovery(LogRecovery):
     def _plain(self, stretch: Stretch, name: str) -> MessageBatch:
         """Return the messages of a file, those unpacked that were compressed one by one."""
         batch = stretch.batch
-        at = batch.start[batch.length > 0]
-        if not (batch.data[at] == ZSTD[0]).any():
+        if not may_be_packed(batch):
             return batch
         made: List[bytes] = []
         good: List[int] = []

@@ -6,18 +6,19 @@ from typing import BinaryIO, Dict, List, Tuple
 import numpy as np
 
 from ..errors import BagFormatError, LimitReached
-from ..messages.batch import MessageBatch
+from ..messages.batch import MessageBatch, with_payloads
 from .contract import LogReader
 from .index import ChunkRef, LogIndex
-from .sqlite_records import open_database, unpacked
+from .packed_messages import unpacked
+from .sqlite_records import open_database
 
 
 def batch_of(rows: List[Tuple[int, int, bytes]]) -> MessageBatch:
     """Return messages from (the file's id of the connection, log time in ns, CDR) of each."""
-    length = np.array([len(data) for _, _, data in rows], np.int64)
-    return MessageBatch(np.frombuffer(b"".join(data for _, _, data in rows), np.uint8), np.cumsum(length) - length,
-                        length, np.array([row[0] for row in rows], np.int64),
-                        np.array([row[1] for row in rows], np.int64))
+    times = np.array([row[1] for row in rows], np.int64)
+    none = np.zeros(len(rows), np.int64)
+    return with_payloads(MessageBatch(np.zeros(0, np.uint8), none, none, np.array([row[0] for row in rows], np.int64),
+                                      times), [row[2] for row in rows])
 
 
 class SqliteReader(LogReader):

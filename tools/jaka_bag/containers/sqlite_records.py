@@ -8,15 +8,11 @@ from typing import Dict, List, Optional, Tuple
 from ..errors import BagFormatError
 from ..messages.connection import Connection
 from ..paths import PathLike
-from .compression import decompress
 from .index import ChunkRef, CodecTotals, LogIndex, codec_totals
+from .packed_messages import HEAD, ZSTD, unpacked_size
 
-ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a compressed message; one of CDR begins with 0."""
 UNFINISHED = ("-wal", "-journal")
 """Suffixes of files with changes that a writer that was killed had not brought into the database."""
-_ZSTD_HEAD = 18
-"""Bytes of the longest head of a zstd frame, which tells the size of what is in it."""
 _ROW = 24
 """Bytes that a message takes besides its payload, about."""
 _CHUNK_BYTES, _CHUNK_MESSAGES = 1 << 20, 4096
@@ -74,30 +70,6 @@ def read_topics(database: sqlite3.Connection) -> Tuple[Dict[int, Connection], in
     return found, damaged
 
 
-def _size_in_frame(head: bytes) -> int:
-    """Return the size, byte, that the head of a zstd frame tells; -1 where it tells none."""
-    import zstandard
-    try:
-        return int(zstandard.frame_content_size(head))
-    except zstandard.ZstdError:
-        return -1
-
-
-def unpacked(data: bytes) -> bytes:
-    """Return a message of CDR, which may be compressed.
-
-    Raises:
-        BagFormatError: It is damaged.
-        LimitReached: It claims too much.
-    """
-    if not data.startswith(ZSTD):
-        return data
-    size = _size_in_frame(data)
-    if size < 0:
-        raise BagFormatError("a compressed message is damaged")
-    return bytes(decompress("zstd", data, size))
-
-
 def _version(database: sqlite3.Connection) -> str:
     with contextlib.suppress(sqlite3.Error):
         found = database.execute("SELECT schema_version FROM schema").fetchone()
@@ -128,7 +100,7 @@ class _Chunks:
         self._times.append(time)
         self._counts[number] = self._counts.get(number, 0) + 1
         self._stored += stored + _ROW
-        self._size += (max(_size_in_frame(head), 0) if head.startswith(ZSTD) else stored) + _ROW
+        self._size += (max(unpacked_size(head), 0) if head.startswith(ZSTD) else stored) + _ROW
         if head.startswith(ZSTD):
             self._codec = "zstd"
         if self._size >= _CHUNK_BYTES or len(self._rows) >= _CHUNK_MESSAGES:
@@ -163,7 +135,7 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
             numbers = {file_id: number for number, file_id in enumerate(topics)}
             for row, topic, time, size, head in database.execute(
                     "SELECT id, topic_id, timestamp, length(data), substr(data, 1, %d) FROM messages ORDER BY id"
-                    % _ZSTD_HEAD):
+                    % HEAD):
                 if damaged or topic not in numbers or not (
                         isinstance(time, int) and isinstance(size, int) and isinstance(head, bytes)):
                     raise BagFormatError("a row is damaged (jaka_bag recover keeps the rest)")

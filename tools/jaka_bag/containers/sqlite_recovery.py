@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Iterator, List, Optional, Tuple
 
 from ..errors import BagFormatError
+from .packed_messages import unpacked
 from .recovery import LogRecovery, Stretch
 from .sqlite_reader import batch_of
-from .sqlite_records import leftovers, open_database, read_topics, unpacked
+from .sqlite_records import leftovers, open_database, read_topics
 
 _BATCH_BYTES, _BATCH_MESSAGES = 1 << 20, 4096
 _SINGLE_STEPS = 1000
