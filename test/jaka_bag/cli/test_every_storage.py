@@ -22,10 +22,10 @@ if not hasattr(rosbag2, "StoragePlugin"):
 MODES = ("", "FILE", "MESSAGE")
 FOLDERS = ["%s%s" % (storage, mode) for storage in ("MCAP", "SQLITE3") for mode in MODES]
 LONE = ["MCAP", "MCAPMESSAGE", "SQLITE3", "SQLITE3MESSAGE"]
-RUN_ELSEWHERE = {"play": LogSource, "serve": LogSource, "replay-commands": None, "replay-motion": None, "report": None}
-"""Commands that need a ROS master, a driver or its topics, and what they read logs with where it is not ``open_log``."""
-FURTHER = {"split": ["--count", "20"], "plot": ["--field", STATES.topic + ":motion_state"], "info": ["--freq", "--json"],
-           "du": ["--json"], "compare": ["LOG"], "attach": [__file__], "dataset add": ["--to", "OUT"]}
+RUN_ELSEWHERE = {"play", "serve", "replay-commands", "replay-motion", "report"}
+"""Commands that need a ROS master, a driver or its topics; they read by ``LogSource`` or ``open_log``."""
+FURTHER = {"split": ["--count", "20"], "plot": ["--field", STATES.topic + ":motion_state"], "compare": ["LOG"],
+           "info": ["--freq", "--json"], "du": ["--json"], "attach": [__file__], "dataset add": ["--to", "OUT"]}
 """Words that a command needs besides the log and the output."""
 SUFFIX = {"plot": ".svg", "export": ".npz"}
 KEYS = {"info": ("profile", "start_ns", "end_ns", "messages", "types", "topics"),
@@ -41,7 +41,8 @@ def arguments(name):
 
 def reading():
     """Return the commands that read logs."""
-    return [name for name in COMMANDS if is_installed(name) and arguments(name) and ".bag" in (arguments(name)[0].help or "")]
+    return [name for name in COMMANDS
+            if is_installed(name) and arguments(name) and ".bag" in (arguments(name)[0].help or "")]
 
 
 def has(name, option):
@@ -77,7 +78,8 @@ def answer(name, log, place):
     """Run a command on a log; return its exit code, what it says, and what it writes."""
     place.mkdir()
     out = place / ("out" + SUFFIX.get(name, ".mcap"))
-    words = [*name.split(), log, *[{"LOG": log, "OUT": place / "set"}.get(word, word) for word in FURTHER.get(name, [])]]
+    places = {"LOG": log, "OUT": place / "set"}
+    words = [*name.split(), log, *[places.get(word, word) for word in FURTHER.get(name, [])]]
     if has(name, "-o"):
         words += ["-o", out, *(["-q"] if has(name, "-q") else [])]
     said, told = io.StringIO(), io.StringIO()
@@ -122,7 +124,7 @@ def lone(storages):
 def test_the_walk_finds_the_commands():
     assert {"info", "cat", "convert", "filter", "merge", "split", "recover", "du", "doctor", "plot", "export",
             "compare", "play", "dataset add"} <= set(reading())
-    assert set(RUN_ELSEWHERE) | set(FURTHER) <= set(COMMANDS)
+    assert RUN_ELSEWHERE | set(FURTHER) <= set(COMMANDS)
 
 
 def walk(names, first, others, place):

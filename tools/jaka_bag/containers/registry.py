@@ -95,8 +95,8 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
         raise BagFormatError("%s is a bag of version %s; only 1.2 and 2.0 can be read ('rosbag fix' converts others)"
                              % (path, head.partition(b" V")[2].split(b"\n")[0].decode("ascii", "replace")))
     if head.startswith(b"\x28\xb5\x2f\xfd"):
-        raise BagFormatError("%s is compressed as a whole: unpack it (zstd -d), or give the rosbag2 folder that it is a "
-                             "part of" % path)
+        raise BagFormatError("%s is compressed as a whole: unpack it (zstd -d), or give the rosbag2 folder that it is "
+                             "a part of" % path)
     if not head:
         raise BagFormatError("%s is empty" % path)
     raise BagFormatError("%s is no .bag, .mcap or .db3 file" % path)
