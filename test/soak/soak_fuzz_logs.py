@@ -151,7 +151,7 @@ def run_process(seed, folder, ended):
         while True:
             try:
                 out, err = process.communicate(timeout=0.5)
-                return process.returncode, out, err
+                return None if ended.number else (process.returncode, out, err)
             except subprocess.TimeoutExpired:
                 if ended.number:
                     process.kill()
