@@ -28,7 +28,7 @@ Exit code: 0 done, 1 a file could not be read (the others are shown), 2 usage.
 def add_arguments(parser: "argparse.ArgumentParser") -> None:
     """Add the options of ``jaka_bag info`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE",
-                        help=".bag, .mcap, .mcap.active, recognised by content; a rosbag2 folder")
+                        help=".bag, .mcap, .mcap.active, .db3, recognised by content; a rosbag2 folder")
     parser.add_argument("--freq", action="store_true",
                         help="per topic rate, jitter, largest gap and missing messages, from the index's times")
     parser.add_argument("--seq", action="store_true",
