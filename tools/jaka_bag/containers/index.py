@@ -166,6 +166,11 @@ def is_rosbag2(path: PathLike) -> bool:
     return os.path.isfile(os.path.join(str(path), METADATA))
 
 
+def leftovers(path: PathLike) -> List[str]:
+    """Return the files beside a database with changes that its writer, which was killed, had not brought into it."""
+    return [name for name in ("%s-wal" % path, "%s-journal" % path) if os.path.isfile(name) and os.path.getsize(name)]
+
+
 def is_folder_of_messages(path: PathLike) -> bool:
     """Return whether a path is a rosbag2 folder, or one that lacks its ``metadata.yaml``."""
     if not os.path.isdir(str(path)):

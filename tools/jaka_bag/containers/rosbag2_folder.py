@@ -16,7 +16,7 @@ from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
 from .compression import unpack_file
-from .index import METADATA, open_for_reading
+from .index import METADATA, leftovers, open_for_reading, storage_files
 
 _PACKED = ".zstd"
 _ONE_AT_A_TIME = threading.Lock()
@@ -115,6 +115,8 @@ class Rosbag2Folder:
         self._numbers: Dict[Any, int] = {}
         self._copy: Optional[tempfile.TemporaryDirectory[str]] = None
         try:
+            if any(leftovers(os.path.join(self.folder, name)) for name in storage_files(folder)):
+                raise BagError("the writer of a database was cut off and left changes beside it")  # rosbags reads none
             self._copy = _unpacked(folder)
             self._read_folder = self._copy.name if self._copy else self.folder
             with self._open() as reader:

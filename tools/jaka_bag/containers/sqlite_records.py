@@ -8,20 +8,12 @@ from typing import Dict, List, Optional, Tuple
 from ..errors import BagFormatError
 from ..messages.connection import Connection
 from ..paths import PathLike
-from .index import ChunkRef, CodecTotals, LogIndex, codec_totals
+from .index import ChunkRef, CodecTotals, LogIndex, codec_totals, leftovers
 from .packed_messages import HEAD, ZSTD, unpacked_size
 
-UNFINISHED = ("-wal", "-journal")
-"""Suffixes of files with changes that a writer that was killed had not brought into the database."""
 _ROW = 24
 """Bytes that a message takes besides its payload, about."""
 _CHUNK_BYTES, _CHUNK_MESSAGES = 1 << 20, 4096
-
-
-def leftovers(path: PathLike) -> List[Path]:
-    """Return the files beside a database with changes that are not in it."""
-    besides = [Path(str(path) + suffix) for suffix in UNFINISHED]
-    return [each for each in besides if each.is_file() and each.stat().st_size]
 
 
 def _text(raw: bytes) -> str:

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, Iterator, List, Optional, Tuple
 
 from ..errors import BagFormatError
+from .index import leftovers
 from .packed_messages import unpacked
 from .recovery import LogRecovery, Stretch
 from .sqlite_reader import batch_of
-from .sqlite_records import leftovers, open_database, read_topics
+from .sqlite_records import open_database, read_topics
 
 _BATCH_BYTES, _BATCH_MESSAGES = 1 << 20, 4096
 _SINGLE_STEPS = 1000
@@ -42,8 +43,8 @@ class SqliteRecovery(LogRecovery):
         path, options = self._path, "mode=ro&immutable=1"
         besides = leftovers(self._path)
         if besides:
-            for each in (self._path, *besides):
-                shutil.copyfile(str(each), os.path.join(folder, each.name))
+            for name in (str(self._path), *besides):
+                shutil.copyfile(name, os.path.join(folder, os.path.basename(name)))
             path, options = Path(folder) / self._path.name, "mode=rw"
             self.notes.append("changes that a writer left beside %s were taken up" % self._path.name)
         return open_database(path, options)
