@@ -4,7 +4,7 @@
 """
 import os
 import threading
-from typing import Any, BinaryIO, Callable, Dict, List, Optional, Tuple
+from typing import IO, Any, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .cut_blocks import cut_off_part, zstd_blocks
@@ -219,7 +219,7 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     return result
 
 
-def unpack_file(descriptor: int, size: int, out: BinaryIO) -> Tuple[int, str]:
+def unpack_file(descriptor: int, size: int, out: IO[bytes]) -> Tuple[int, str]:
     """Unpack a file that was compressed as a whole with zstd into another one, up to its first damage.
 
     Returns:

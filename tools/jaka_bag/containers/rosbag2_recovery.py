@@ -92,7 +92,7 @@ class Rosbag2Recovery(LogRecovery):
             try:
                 with open_for_reading(path) as file, tempfile.NamedTemporaryFile(prefix="jaka_bag") as space:
                     if name.endswith(_PACKED):
-                        end, reason = unpack_file(file.fileno(), size, space)
+                        end, reason = unpack_file(file.fileno(), size, space.file)
                         damage = [Loss(end, size, "the compressed file was unpacked up to here (%s)" % reason)
                                   ] if reason else []
                         for each in self._file(Path(space.name), name, space, passed):
