@@ -116,7 +116,7 @@ TYPES = {
                 "builtin_interfaces/Time[] some\nint64 n\n",
                 idl("std_msgs::msg::Header header; builtin_interfaces::msg::Time at; "
                     "sequence<builtin_interfaces::msg::Time> some; int64 n;"), (_HEADER, _TIME))}
-"""By name: how a message is drawn, ros2msg, ros2idl, and the same of the types in it."""
+"""Types by name: how a message is drawn, ros2msg, ros2idl, and the same of the types in it."""
 
 
 def schema_of(kind, is_idl):
@@ -193,7 +193,7 @@ def test_values_are_those_of_rosbags(tmp_path, capsys, kind, is_idl, is_little):
 @pytest.mark.parametrize("encoding, schema", [
     ("ros2msg", "wstring wide\n"), ("ros2idl", "module pkg { module msg { struct T { wstring wide; }; }; };")])
 def test_wide_strings_cost_their_topic_alone(tmp_path, capsys, encoding, schema):
-    """rosbags reads none, and vendors of DDS write their characters in two ways."""
+    """Leave the topic out: rosbags reads none, and vendors of DDS write their characters in two ways."""
     path = tmp_path / "log.mcap"
     with open(str(path), "wb") as file:
         writer = Writer(file)
