@@ -28,6 +28,7 @@ from early_end import EarlyEnd  # noqa: E402
 from hostile_logs import HEAVY, HOSTILE, make  # noqa: E402
 from log_samples import read, state_log, write  # noqa: E402
 from mcap_variants import build, variants  # noqa: E402
+from sqlite_logs import write_database  # noqa: E402
 from test_foreign_bags import bag_of_version_1_2  # noqa: E402
 from test_hostile_logs import MOST_BYTES, MOST_CPU_S  # noqa: E402
 
@@ -52,6 +53,7 @@ def seeds(folder):
     for _, content, features in variants():
         found.append((".mcap", build(content, features)))
     found += [(".bag", bag_of_version_1_2(state_log(0.3)))] * 8
+    found += [(".db3", write_database(folder / "run.db3", state_log(0.3)).read_bytes())] * 24
     light = [name for name in HOSTILE if name not in HEAVY]
     make(folder, light)
     for name in light:

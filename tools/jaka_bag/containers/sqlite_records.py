@@ -46,7 +46,8 @@ def read_topics(database: sqlite3.Connection) -> Tuple[Dict[int, Connection], in
     with contextlib.suppress(sqlite3.Error):  # older databases have none
         for kind, encoding, text in database.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"):
-            definitions[kind] = ("ros2idl" if encoding == "ros2idl" else "ros2msg", text)
+            if isinstance(text, str):
+                definitions[kind] = ("ros2idl" if encoding == "ros2idl" else "ros2msg", text)
     wanted = [name if name in columns else "''" for name in ("offered_qos_profiles", "type_description_hash")]
     found: Dict[int, Connection] = {}
     damaged = 0
