@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from log_samples import read, state_log, write
+from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers import rosbag2_folder, rosbag2_reader
@@ -250,6 +251,28 @@ def test_a_damaged_database_is_refused_with_the_place_and_recovered(plain, tmp_p
     assert main(["recover", str(path), str(tmp_path / "kept.mcap")]) == 1
     assert 0 < len(read(tmp_path / "kept.mcap")) < len(content(plain))
     assert main(["doctor", str(tmp_path / "kept.mcap")]) == 0
+
+
+def test_pages_that_lead_back_give_each_row_once(tmp_path, capsys):
+    samples = state_log(2.0)
+    path = write_database(tmp_path / "run.db3", samples)
+    database = sqlite3.connect(str(path))
+    (root,), (page,) = (database.execute(text).fetchone() for text in (
+        "SELECT rootpage FROM sqlite_master WHERE name = 'messages'", "PRAGMA page_size"))
+    database.close()
+    raw = bytearray(path.read_bytes())
+    at = (root - 1) * page
+    kind, cells = raw[at], int.from_bytes(raw[at + 3:at + 5], "big")
+    assert kind == 5 and cells > 8  # an inner page of a table, its cells begin with the numbers of the pages below
+    places = [at + int.from_bytes(raw[at + 12 + 2 * i:at + 14 + 2 * i], "big") for i in range(cells)]
+    for place in places[4:8]:
+        raw[place:place + 4] = raw[places[1]:places[1] + 4]
+    path.write_bytes(raw)
+    assert main(["cat", str(path)]) == 1
+    assert "a row is damaged (jaka_bag recover keeps the rest)" in capsys.readouterr().err
+    assert main(["recover", str(path), str(tmp_path / "kept.mcap"), "-q"]) == 1
+    kept = [(sample.connection.topic, sample.time) for sample in read(tmp_path / "kept.mcap")]
+    assert len(samples) * 0.7 < len(kept) == len(set(kept)) < len(samples)
 
 
 def test_a_large_database_is_read_in_windows(plain, tmp_path):

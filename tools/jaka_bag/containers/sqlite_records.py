@@ -126,12 +126,14 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
                 raise BagFormatError("it is a database, but no storage of rosbag2")
             topics, damaged = read_topics(database)
             numbers = {file_id: number for number, file_id in enumerate(topics)}
+            next_row = -2**63
             for row, topic, time, size, head in database.execute(
                     "SELECT id, topic_id, timestamp, length(data), substr(data, 1, %d) FROM messages ORDER BY id"
                     % HEAD):
-                if damaged or topic not in numbers or not (
+                if damaged or row < next_row or topic not in numbers or not (
                         isinstance(time, int) and isinstance(size, int) and isinstance(head, bytes)):
                     raise BagFormatError("a row is damaged (jaka_bag recover keeps the rest)")
+                next_row = row + 1  # damaged pages may lead back, without an end
                 found.add(row, numbers[topic], time, size, head)
             version = _version(database)
     except sqlite3.Error as error:

@@ -80,8 +80,9 @@ class SqliteRecovery(LogRecovery):
         """Return the number of the first row from ``begin`` on that can be reached; ``last`` + 1 where none can."""
         def is_reached(number: int) -> bool:
             try:
-                return database.execute("SELECT timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1",
-                                        (number,)).fetchone() is not None
+                found = database.execute("SELECT id, timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1",
+                                         (number,)).fetchone()
+                return found is not None and found[0] >= number
             except sqlite3.Error:
                 return False
 
@@ -107,6 +108,8 @@ class SqliteRecovery(LogRecovery):
             try:
                 for number, topic, time, data in database.execute(
                         "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? ORDER BY id", (begin,)):
+                    if number < begin:  # damaged pages may lead back, without an end
+                        raise sqlite3.DatabaseError("they are not in order")
                     begin = number + 1
                     yield topic, time, data
                 return
