@@ -28,7 +28,11 @@ def open_database(path: PathLike, options: str = "mode=ro&immutable=1") -> sqlit
     """
     database = sqlite3.connect("%s?%s" % (Path(os.path.abspath(str(path))).as_uri(), options), uri=True,
                                check_same_thread=False)
-    database.execute("PRAGMA writable_schema=ON")  # else one that is cut off is refused as a whole
+    try:
+        database.execute("PRAGMA writable_schema=ON")  # else one that is cut off is refused as a whole
+    except BaseException:
+        database.close()
+        raise
     database.text_factory = _text
     return database
 

@@ -2,6 +2,7 @@
 
 Pages of a database have no checksums: bytes that changed inside of a message are not noticed.
 """
+import contextlib
 import os
 import shutil
 import sqlite3
@@ -51,16 +52,14 @@ class SqliteRecovery(LogRecovery):
 
     def _stretches(self) -> Iterator[Stretch]:
         with tempfile.TemporaryDirectory(prefix="jaka_bag") as folder:
-            try:
-                database = self._database(folder)
-                self._read_topics(database)
-            except (sqlite3.Error, OSError) as error:
-                self.lose(0, self.size, "its topics cannot be read (%s)" % _short(error))
-                return
-            try:
+            with contextlib.ExitStack() as stack:
+                try:
+                    database = stack.enter_context(contextlib.closing(self._database(folder)))
+                    self._read_topics(database)
+                except (sqlite3.Error, OSError) as error:
+                    self.lose(0, self.size, "its topics cannot be read (%s)" % _short(error))
+                    return
                 yield from self._batches(database)
-            finally:
-                database.close()
 
     def _read_topics(self, database: sqlite3.Connection) -> None:
         found, damaged = read_topics(database)
