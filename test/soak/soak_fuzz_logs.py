@@ -3,6 +3,8 @@
     build/venv/bin/python3 test/soak/soak_fuzz_logs.py [MINUTES [SEED [FOLDER]]]        60 minutes, seed 1
 
 A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside the run's output.
+Ctrl-C and SIGTERM end it: the process under way does not count, and the exit code is 128 + the signal's number (1 where
+something went wrong before).
 """
 import contextlib
 import faulthandler
@@ -22,9 +24,11 @@ TEST = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TEST / "support" / "logs"), str(TEST / "jaka_bag" / "cli"),
                 str(TEST / "jaka_bag" / "containers"), str(TEST.parent / "tools")]
 
+from early_end import EarlyEnd  # noqa: E402
 from hostile_logs import HEAVY, HOSTILE, make  # noqa: E402
 from log_samples import read, state_log, write  # noqa: E402
 from mcap_variants import build, variants  # noqa: E402
+from sqlite_logs import write_database  # noqa: E402
 from test_foreign_bags import bag_of_version_1_2  # noqa: E402
 from test_hostile_logs import MOST_BYTES, MOST_CPU_S  # noqa: E402
 
@@ -49,6 +53,7 @@ def seeds(folder):
     for _, content, features in variants():
         found.append((".mcap", build(content, features)))
     found += [(".bag", bag_of_version_1_2(state_log(0.3)))] * 8
+    found += [(".db3", write_database(folder / "run.db3", state_log(0.3)).read_bytes())] * 24
     light = [name for name in HOSTILE if name not in HEAVY]
     make(folder, light)
     for name in light:
@@ -141,33 +146,53 @@ def run_cases(seed, folder):
         print("%s %d %d" % (name, code, count))
 
 
+def run_process(seed, folder, ended):
+    """Run the cases of a seed in a process of its own; return its exit code and outputs, None after an early end."""
+    with subprocess.Popen([sys.executable, __file__, "--run", str(seed), folder], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, start_new_session=True) as process:  # Ctrl-C is for this one alone
+        while True:
+            try:
+                out, err = process.communicate(timeout=0.5)
+                return None if ended.number else (process.returncode, out, err)
+            except subprocess.TimeoutExpired:
+                if ended.number:
+                    process.kill()
+                    return None
+
+
 def main(minutes, seed, kept):
     """Run processes of cases, one after the other, until the time is over; return 1 where something went wrong."""
+    ended = EarlyEnd()
+    print("from seed %d on" % seed, flush=True)
     end = time.monotonic() + 60.0 * minutes
     codes, cases, wrong = Counter(), 0, 0
-    while time.monotonic() < end:
+    while time.monotonic() < end and not ended.number:
         with tempfile.TemporaryDirectory() as folder:
-            done = subprocess.run([sys.executable, __file__, "--run", str(seed), folder], capture_output=True)
-            if done.returncode:
+            done = run_process(seed, folder, ended)
+            if done is None:
+                break
+            code, out, err = done
+            if code:
                 wrong += 1
                 kept.mkdir(exist_ok=True)
                 name = Path(folder) / "case"
                 log = Path(folder) / (name.read_text(encoding="utf-8") if name.exists() else "none")
                 if log.exists():
                     shutil.copy(str(log), str(kept / ("%d_%s" % (seed, log.name))))
-                (kept / ("%d.txt" % seed)).write_bytes(done.stdout + done.stderr)
+                (kept / ("%d.txt" % seed)).write_bytes(out + err)
                 print("seed %d: exit code %d, %s" % (
-                    seed, done.returncode, done.stderr.decode("utf-8", "replace").strip()[-500:]), flush=True)
+                    seed, code, err.decode("utf-8", "replace").strip()[-500:]), flush=True)
             else:
                 cases += CASES
-                for line in done.stdout.decode().splitlines():
-                    name, code, count = line.split()
-                    codes[name, code] += int(count)
+                for line in out.decode().splitlines():
+                    name, exit_code, count = line.split()
+                    codes[name, exit_code] += int(count)
         seed += 1
-    print("%d damaged logs, %d processes of %d went wrong" % (cases, wrong, CASES))
+    early = "ended early by %s: " % ended.name if ended.number else ""
+    print("%s%d damaged logs, %d processes of %d went wrong" % (early, cases, wrong, CASES))
     for (name, code), count in sorted(codes.items()):
         print("  %-8s exit %s %7d" % (name, code, count))
-    return 1 if wrong else 0
+    return 1 if wrong else ended.exit_code if ended.number else 0
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 import contextlib
 import fcntl
 import os
+import shutil
 from pathlib import Path
 from typing import BinaryIO, Optional, Set, Type, Union
 
@@ -9,7 +10,7 @@ from .errors import BagError, OutputExists
 from .interrupts import put_off
 from .paths import PathLike
 
-_unfinished: "Set[OutputFile]" = set()
+_unfinished: "Set[Union[OutputFile, OutputFolder]]" = set()
 os.register_at_fork(after_in_child=_unfinished.clear)  # what the parent writes is the parent's
 
 
@@ -128,6 +129,63 @@ class OutputFile:
             self.abort()
         elif not self._is_finished:
             self.commit()
+
+
+class OutputFolder:
+    """A folder of outputs written as ``NAME.part`` and renamed to ``NAME`` by ``commit``; locked as ``OutputFile`` is.
+
+    Args:
+        path: The final name.
+
+    Attributes:
+        path: The final name.
+        working_path: The name while it is written.
+
+    Raises:
+        OutputExists: The working name is in use.
+        BagError: The folder cannot be created there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.working_path = path.with_name(path.name + ".part")
+        with put_off():  # as in OutputFile
+            try:
+                self.working_path.mkdir(exist_ok=True)
+                self._descriptor = os.open(str(self.working_path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            except OSError as error:
+                raise BagError("cannot write %s: %s" % (self.working_path, error.strerror)) from error
+            try:
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                os.close(self._descriptor)
+                raise OutputExists("%s is being written by another program" % self.working_path) from None
+            _unfinished.add(self)
+
+    def commit(self) -> None:
+        """Give the folder its final name; a folder that has it is replaced.
+
+        Raises:
+            OSError: The system refused; the working folder stays.
+        """
+        aside = self.path.with_name(self.path.name + ".old")
+        with put_off():
+            self._finish()
+            if self.path.exists():
+                os.rename(str(self.path), str(aside))
+            os.rename(str(self.working_path), str(self.path))
+            if aside.exists():
+                shutil.rmtree(str(aside))
+
+    def abort(self) -> None:
+        """Remove the working folder with all that is in it, unless it is finished."""
+        if self in _unfinished:
+            shutil.rmtree(str(self.working_path), ignore_errors=True)
+            self._finish()
+
+    def _finish(self) -> None:
+        _unfinished.discard(self)
+        os.close(self._descriptor)
 
 
 def abort_all() -> None:

@@ -31,6 +31,7 @@ from jaka_bag.cli.main import main
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
+from jaka_bag.containers.rosbag2 import Rosbag2Writer
 from jaka_bag.engines.conversion import task_of
 from jaka_bag.engines.processes import Processes
 from jaka_bag.engines.tasks import run_tasks
@@ -345,6 +346,39 @@ def test_an_interruption_beside_the_creation_or_the_naming_of_the_output_leaves_
                               stderr=subprocess.PIPE)
         assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n" and done.returncode == 1
         assert set(os.listdir(str(tmp_path))) == left
+
+
+@pytest.mark.parametrize("module, owner, function, left", [
+    ("pathlib", "Path", "mkdir", {"log.bag"}), ("os", "", "rename", {"log.bag", "run"})])
+def test_an_interruption_beside_the_creation_or_the_naming_of_a_rosbag2_folder_leaves_no_half_one(
+        tmp_path, module, owner, function, left):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    code = ("import os, signal, sys, %s; sys.path.insert(0, %r)\n"
+            "from jaka_bag.cli.main import main\n"
+            "owner = %s\n"
+            "real = owner.%s\n"
+            "def interrupted(path, *args, **kwargs):\n"
+            "    result = real(path, *args, **kwargs)\n"
+            "    if str(path).endswith('.part'):\n"
+            "        os.kill(os.getpid(), signal.%s)\n"
+            "    return result\n"
+            "owner.%s = interrupted\n"
+            "sys.exit(main(['convert', %r, '-o', %r, '--profile', 'ros2', '--force', '-q']))")
+    for name in ("SIGINT", "SIGTERM"):
+        done = subprocess.run([sys.executable, "-c", code % (
+            module, os.getcwd(), ".".join(filter(None, (module, owner))), function, name, function, str(source),
+            str(tmp_path / "run"))], stderr=subprocess.PIPE)
+        assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n" and done.returncode == 1
+        assert set(os.listdir(str(tmp_path))) == left
+
+
+def test_a_rosbag2_folder_that_another_program_writes_is_left_alone(tmp_path):
+    with Rosbag2Writer(tmp_path / "run") as writer:
+        with pytest.raises(OutputExists, match="is being written by another program"):
+            Rosbag2Writer(tmp_path / "run")
+        for sample in SAMPLES:
+            writer.add_message(writer.add_channel(sample.connection), sample.time, sample.data)
+    assert os.listdir(str(tmp_path)) == ["run"]
 
 
 @pytest.mark.parametrize("again", [False, True])

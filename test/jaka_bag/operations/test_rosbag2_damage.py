@@ -2,13 +2,17 @@
 import json
 import shutil
 import sqlite3
+import tempfile
 from pathlib import Path
 
 import pytest
 import yaml
-from log_samples import state_log, write
+from log_samples import read, state_log, write
+from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
+from jaka_bag.containers import rosbag2_folder, rosbag2_reader
+from jaka_bag.containers.registry import open_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 if not hasattr(rosbag2, "StoragePlugin"):
@@ -165,9 +169,9 @@ def test_a_damaged_database_keeps_the_rows_that_can_be_reached(plain, tmp_path, 
     assert main(["doctor", str(tmp_path / "o")]) == 0
 
 
-def test_changes_of_a_writer_that_was_killed(plain, tmp_path):
+def test_changes_of_a_writer_that_was_killed(plain, tmp_path, capsys):
     folder = by_rosbags(plain, tmp_path / "run", SQLITE3)
-    (folder / "metadata.yaml").unlink()
+    metadata = (folder / "metadata.yaml").rename(tmp_path / "metadata.yaml")
     database = sqlite3.connect(str(folder / "run.db3"))
     database.execute("PRAGMA journal_mode=WAL")
     database.execute("PRAGMA wal_autocheckpoint=0")
@@ -179,6 +183,15 @@ def test_changes_of_a_writer_that_was_killed(plain, tmp_path):
         shutil.copy(str(path), str(killed / path.name))
     database.close()
     assert (killed / "run.db3-wal").stat().st_size
+    for command in ("info", "cat", "doctor"):
+        assert main([command, str(killed / "run.db3")]) == 1
+        told = "".join(capsys.readouterr())
+        assert "left changes beside it (jaka_bag recover takes them up)" in told
+    shutil.copytree(str(killed), str(tmp_path / "described"))
+    shutil.copy(str(metadata), str(tmp_path / "described" / "metadata.yaml"))
+    assert main(["cat", str(tmp_path / "described")]) == 1
+    assert "left changes beside it (jaka_bag recover keeps" in capsys.readouterr().err
+    assert main(["recover", str(killed / "run.db3"), str(tmp_path / "o.mcap"), "-q"]) == 0
     before = {path.name: path.read_bytes() for path in killed.iterdir()}
     assert main(["recover", str(killed), str(tmp_path / "o"), "-q"]) == 0
     assert {path.name: path.read_bytes() for path in killed.iterdir()} == before
@@ -193,6 +206,83 @@ def test_a_compressed_file_is_unpacked_up_to_its_damage(plain, tmp_path, capsys)
     assert "the compressed file was unpacked up to here" in capsys.readouterr().err
     kept = content(tmp_path / "o")
     assert kept and set(kept) < set(content(plain))
+
+
+    assert main(["convert", str(folder), str(tmp_path / "o.bag"), "-q"]) == 1
+    assert "run.mcap.zstd cannot be unpacked: it ends too early" in capsys.readouterr().err
+    assert main(["convert", str(packed), str(tmp_path / "o.bag"), "-q"]) == 1
+    assert "is compressed as a whole: unpack it (zstd -d), or give the rosbag2 folder" in capsys.readouterr().err
+
+
+def test_a_compressed_folder_is_unpacked_once_and_removed(plain, tmp_path, monkeypatch):
+    folder = by_rosbags(plain, tmp_path / "run", MCAP, "FILE")
+    (tmp_path / "space").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "space"))
+    monkeypatch.setattr(rosbag2_reader, "_MESSAGES", 400)
+    calls, real = [], rosbag2_folder.unpack_file
+    monkeypatch.setattr(rosbag2_folder, "unpack_file", lambda *args: calls.append(args) or real(*args))
+    with open_log(folder) as reader:
+        assert len(reader.chunks) > 4
+        assert sum(len(reader.load(chunk)) for chunk in reader.chunks) == len(content(plain))
+    assert len(calls) == 1 and not list((tmp_path / "space").iterdir())
+
+
+def damage(path, statement):
+    database = sqlite3.connect(str(path))
+    database.execute(statement)
+    database.commit()
+    database.close()
+
+
+@pytest.mark.parametrize("statement, told", [
+    ("UPDATE messages SET data = 'text' WHERE id = 5", "a row is damaged (jaka_bag recover keeps the rest)"),
+    ("UPDATE messages SET data = x'28b52ffd00' WHERE id = 5", "a compressed"),
+    ("UPDATE messages SET topic_id = 77 WHERE id = 5", "a row is damaged"),
+    ("UPDATE topics SET name = x'41' WHERE id = 1", "a row is damaged"),
+    ("DROP TABLE topics", "it is a database, but no storage of rosbag2")])
+def test_a_damaged_database_is_refused_with_the_place_and_recovered(plain, tmp_path, capsys, statement, told):
+    path = next(by_rosbags(plain, tmp_path / "run", SQLITE3).glob("*.db3"))
+    damage(path, statement)
+    for command in (["cat", str(path)], ["convert", str(path), str(tmp_path / "o.mcap"), "-q"]):
+        assert main(command) == 1
+        assert told in capsys.readouterr().err and not (tmp_path / "o.mcap").exists()
+    if "DROP" in statement:
+        return
+    assert main(["recover", str(path), str(tmp_path / "kept.mcap")]) == 1
+    assert 0 < len(read(tmp_path / "kept.mcap")) < len(content(plain))
+    assert main(["doctor", str(tmp_path / "kept.mcap")]) == 0
+
+
+def test_pages_that_lead_back_give_each_row_once(tmp_path, capsys):
+    samples = state_log(2.0)
+    path = write_database(tmp_path / "run.db3", samples)
+    database = sqlite3.connect(str(path))
+    (root,), (page,) = (database.execute(text).fetchone() for text in (
+        "SELECT rootpage FROM sqlite_master WHERE name = 'messages'", "PRAGMA page_size"))
+    database.close()
+    raw = bytearray(path.read_bytes())
+    at = (root - 1) * page
+    kind, cells = raw[at], int.from_bytes(raw[at + 3:at + 5], "big")
+    assert kind == 5 and cells > 8  # an inner page of a table, its cells begin with the numbers of the pages below
+    places = [at + int.from_bytes(raw[at + 12 + 2 * i:at + 14 + 2 * i], "big") for i in range(cells)]
+    for place in places[4:8]:
+        raw[place:place + 4] = raw[places[1]:places[1] + 4]
+    path.write_bytes(raw)
+    assert main(["cat", str(path)]) == 1
+    assert "a row is damaged (jaka_bag recover keeps the rest)" in capsys.readouterr().err
+    assert main(["recover", str(path), str(tmp_path / "kept.mcap"), "-q"]) == 1
+    kept = [(sample.connection.topic, sample.time) for sample in read(tmp_path / "kept.mcap")]
+    assert len(samples) * 0.7 < len(kept) == len(set(kept)) < len(samples)
+
+
+def test_a_large_database_is_read_in_windows(plain, tmp_path):
+    path = next(by_rosbags(plain, tmp_path / "run", SQLITE3).glob("*.db3"))
+    damage(path, "UPDATE messages SET data = zeroblob(300000) WHERE id % 20 = 0")
+    with open_log(path) as reader:
+        sizes = [len(reader.load(chunk).data) for chunk in reader.chunks]
+        assert sum(len(reader.load(chunk)) for chunk in reader.chunks) == reader.message_count == len(content(plain))
+        assert len(sizes) > 30 and max(sizes) < 2 << 20
+        assert [a.end for a in reader.chunks[:-1]] == [b.position for b in reader.chunks[1:]]
 
 
 def test_a_folder_becomes_a_log_of_ros2_messages_or_an_error(plain, tmp_path, capsys):

@@ -18,7 +18,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag attach`` to a parser."""
-    parser.add_argument("source", metavar="SRC", help=".bag, .mcap or .mcap.active")
+    parser.add_argument("source", metavar="SRC", help=".bag, .mcap, .mcap.active, .db3 or a rosbag2 folder")
     parser.add_argument("files", nargs="*", metavar="FILE", help="files to attach")
     add_output(parser, "the new .mcap")
     parser.add_argument("--name", metavar="NAME", help="name of the attachment (default: that of the file)")

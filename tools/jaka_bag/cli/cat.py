@@ -30,7 +30,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag cat`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE",
-                        help=".bag, .mcap, .mcap.active or rosbag2 folders, one after the other")
+                        help=".bag, .mcap, .mcap.active, .db3 or rosbag2 folders, one after the other")
     parser.add_argument("--field", action="append", default=[], metavar="[TOPIC:]FIELD",
                         help="only this field, as position[0]; may be repeated")
     parser.add_argument("-l", "--limit", type=count, default=0, metavar="N",

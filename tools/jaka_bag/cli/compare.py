@@ -28,7 +28,7 @@ from .quantities import positive_number
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options for one log to a parser, which may have those for many as well."""
     add = parser.add_argument
-    add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen: .bag, .mcap, rosbag2 folder")
+    add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen: .bag, .mcap, .db3, rosbag2 folder")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
     add("--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
     add("--html", metavar="FILE", help="write a page to look at")

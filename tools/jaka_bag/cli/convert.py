@@ -36,7 +36,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag convert`` to a parser."""
     add_source(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix",
-               source=".bag, .mcap or .mcap.active, a rosbag2 folder, or a folder: all logs in it")
+               source=".bag, .mcap, .mcap.active or .db3, a rosbag2 folder, or a folder: all logs in it")
     parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",
                         help="ros1: messages as they are (default); ros2: a rosbag2 folder with CDR messages")
     many = parser.add_argument_group("a folder of files")
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _default_target(source: Path, profile: str) -> Path:
     if profile == "ros2":
         return source.with_suffix("")
-    with_suffix = {".bag": ".mcap", ".mcap": ".bag"}.get(source.suffix)
+    with_suffix = {".bag": ".mcap", ".mcap": ".bag", ".db3": ".mcap"}.get(source.suffix)
     if with_suffix is None:
         raise BagError("%s: give the output: jaka_bag convert SRC DST" % source)
     return source.with_suffix(with_suffix)

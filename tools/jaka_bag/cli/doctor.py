@@ -23,7 +23,7 @@ _VERDICTS = {DAMAGED: "damaged: jaka_bag recover keeps the %d messages that can 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag doctor`` to a parser."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap, .mcap.active or a rosbag2 folder")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap, .mcap.active, .db3 or a rosbag2 folder")
     add_report(parser)
 
 

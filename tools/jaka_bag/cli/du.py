@@ -19,7 +19,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag du`` to a parser."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap, .mcap.active, .db3 or a rosbag2 folder")
     add_report(parser)
 
 

@@ -28,7 +28,7 @@ Exit code: 0 done, 1 a file could not be read (the others are shown), 2 usage.
 def add_arguments(parser: "argparse.ArgumentParser") -> None:
     """Add the options of ``jaka_bag info`` to a parser."""
     parser.add_argument("files", nargs="+", metavar="FILE",
-                        help=".bag, .mcap, .mcap.active, recognised by content; a rosbag2 folder")
+                        help=".bag, .mcap, .mcap.active, .db3, recognised by content; a rosbag2 folder")
     parser.add_argument("--freq", action="store_true",
                         help="per topic rate, jitter, largest gap and missing messages, from the index's times")
     parser.add_argument("--seq", action="store_true",
@@ -186,9 +186,13 @@ def _losses(account: Dict[str, Any]) -> str:
 def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
     if is_rosbag2(path):
         from ..containers.rosbag2_folder import describe
-        if freq or seq:
-            raise UsageError("%s is a rosbag2 folder: --freq and --seq are for .bag and .mcap" % path)
-        return describe(path)
+        if seq:
+            raise UsageError("%s is a rosbag2 folder: headers of ROS 2 have no seq" % path)
+        facts = describe(path)
+        if freq:
+            from ..operations.timing import add_timing
+            add_timing(path, facts)
+        return facts
     index = read_index(path)
     document = document_of(index)
     if index.format == "bag" and not index.codecs:

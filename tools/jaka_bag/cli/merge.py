@@ -18,7 +18,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag merge`` to a parser."""
     parser.add_argument("sources", nargs="+", metavar="SRC",
-                        help=".bag, .mcap and .mcap.active files, rosbag2 folders, in any order")
+                        help=".bag, .mcap, .mcap.active and .db3 files, rosbag2 folders, in any order")
     add_output(parser, "its suffix, .bag or .mcap, decides about the format; default: the last name, where there is no "
                "such file yet", False)
     add_compression(parser)

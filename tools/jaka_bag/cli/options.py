@@ -17,7 +17,7 @@ TIME_HELP = "2m, 5s, 1:30 after the log's start; -2m: before its end; absolute f
 
 
 def add_source(parser: argparse.ArgumentParser, output: str, metavar: str = "DST",
-               source: str = ".bag, .mcap, .mcap.active or a rosbag2 folder") -> None:
+               source: str = ".bag, .mcap, .mcap.active, .db3 or a rosbag2 folder") -> None:
     """Add one input, its output (second, or with -o) and ``--force``; the texts are their help."""
     parser.add_argument("source", metavar="SRC", help=source)
     parser.add_argument("target", metavar=metavar, nargs="?", help="the output, the same as -o")

@@ -47,7 +47,7 @@ Exit code: 0 done, 1 failed, 2 usage.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag play`` to a parser."""
     add = parser.add_argument
-    add("files", nargs="*", metavar="FILE", help=".bag, .mcap or rosbag2 folder; several are played as one")
+    add("files", nargs="*", metavar="FILE", help=".bag, .mcap, .db3 or rosbag2 folder; several are played as one")
     what = parser.add_argument_group("what to play")
     what.add_argument("--bags", nargs="+", default=[], metavar="FILE", help="further files")
     what.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics")

@@ -21,7 +21,7 @@ Exit code: 0 nothing is known to be lost, 1 the result is partial or there is no
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag recover`` to a parser."""
-    parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active, a rosbag2 folder")
+    parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active, .db3, a rosbag2 folder")
     parser.add_argument("target", metavar="DST", nargs="?",
                         help=".bag or .mcap, or a folder of a folder; default: SRC without .active, "
                         "NAME.recovered.bag, or NAME_recovered")

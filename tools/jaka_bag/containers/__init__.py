@@ -8,7 +8,10 @@ recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0
 mcap          MCAP
 rosbag2_recovery   what reads a damaged rosbag2 folder
-sqlite_recovery   what reads a damaged database of one
+sqlite_records    the sqlite3 storage of rosbag2: topics, and where the messages are; without numpy
+sqlite_reader     a database of it without its folder, behind the contract
+sqlite_recovery   what reads a damaged one
+packed_messages   messages that rosbag2 compressed one by one
 rosbag2       rosbag2 folders (MCAP with CDR messages), written
 rosbag2_folder   rosbag2 folders, read by the library rosbags
 rosbag2_reader   the same behind the contract

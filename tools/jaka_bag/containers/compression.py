@@ -4,11 +4,11 @@
 """
 import os
 import threading
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import IO, Any, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, LimitReached, MissingDependency, NotSupported
 from .cut_blocks import cut_off_part, zstd_blocks
-from .index import Buffer
+from .index import Buffer, read_at
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
@@ -26,6 +26,9 @@ _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 
 _PIECE = 4096
 _STEP = 1 << 16
+_READ = 1 << 20
+_WHOLE_FLOOR, _WHOLE_RATIO = 1 << 30, 1000
+"""The limit of what a file that is compressed as a whole may claim, which goes to the disk."""
 
 _local = threading.local()
 
@@ -165,6 +168,17 @@ def _decompress_bz2(data: Buffer, size: int) -> bytes:
     return b"".join(parts)
 
 
+def check_chunk(size: int, stored: int) -> None:
+    """Check the size that ``stored`` bytes of a chunk are unpacked to.
+
+    Raises:
+        LimitReached: It is too much.
+    """
+    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, stored)
+    if size < 0 or size > most:
+        raise _limit_reached("a chunk of %d bytes is" % stored, size, most)
+
+
 def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     """Decompress one chunk into its ``size`` bytes; never use more memory than that.
 
@@ -172,9 +186,8 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
         BagFormatError: The data is damaged, or its size is not ``size``.
         LimitReached: It claims too much.
     """
-    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
-    if size < 0 or (codec not in ("none", "") and size > most):
-        raise _limit_reached("a chunk of %d bytes is" % len(data), size, most)
+    if size < 0 or codec not in ("none", ""):
+        check_chunk(size, len(data))
     result: Buffer
     try:
         if codec in ("none", ""):
@@ -204,6 +217,32 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     if len(result) != size:
         raise BagFormatError("a chunk has %d bytes instead of %d" % (len(result), size))
     return result
+
+
+def unpack_file(descriptor: int, size: int, out: IO[bytes]) -> Tuple[int, str]:
+    """Unpack a file that was compressed as a whole with zstd into another one, up to its first damage.
+
+    Returns:
+        The first byte of the file that is not unpacked, and the reason; an empty reason where all is.
+    """
+    zstandard = _import("zstandard", "zstd")
+    decoder = zstandard.ZstdDecompressor().decompressobj()
+    most = _limit(_WHOLE_FLOOR, _WHOLE_RATIO, size)
+    at = 0
+    try:
+        for begin in range(0, size, _READ):
+            raw = memoryview(read_at(descriptor, begin, _READ))
+            for at in range(begin, begin + len(raw), _PIECE):  # where a piece is damaged, what it gives is lost
+                out.write(decoder.decompress(raw[at - begin:at - begin + _PIECE]))
+                if decoder.eof:
+                    return size, ""
+                if out.tell() > most:
+                    return at, str(_limit_reached("it is", out.tell(), most))
+    except zstandard.ZstdError as error:
+        return at, str(error)
+    finally:
+        out.flush()
+    return at, "it ends too early"
 
 
 def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> bytes:

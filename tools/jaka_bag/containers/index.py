@@ -2,7 +2,7 @@
 import os
 import sys
 from array import array
-from typing import BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from ..errors import BagError
 from ..messages.connection import Connection
@@ -10,8 +10,9 @@ from ..paths import PathLike
 
 METADATA = "metadata.yaml"
 """The file that makes a folder one of rosbag2."""
-STORAGE_SUFFIXES = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
-"""Suffixes of its files of messages."""
+PACKED_SUFFIXES = (".mcap.zstd", ".db3.zstd")
+STORAGE_SUFFIXES = (".mcap", ".db3", *PACKED_SUFFIXES)
+"""Suffixes of its files of messages, and of those that are compressed as a whole."""
 Buffer = Union[bytes, bytearray, memoryview]
 
 
@@ -25,6 +26,7 @@ class ChunkRef(NamedTuple):
         end_time: Latest log time in it, ns.
         counts: Messages by number of the connection; empty where the index does not say.
         is_loose: The bytes are plain records rather than one chunk record (MCAP without chunks).
+        rows: Numbers of the first and the last row of a database; of files no meaning.
     """
 
     position: int
@@ -33,6 +35,7 @@ class ChunkRef(NamedTuple):
     end_time: int
     counts: Dict[int, int]
     is_loose: bool = False
+    rows: Tuple[int, int] = (0, 0)
 
 
 class AttachmentIndex(NamedTuple):
@@ -85,7 +88,7 @@ class LogIndex(NamedTuple):
     """The index of one log.
 
     Attributes:
-        format: ``bag``, ``mcap`` or ``rosbag2``.
+        format: ``bag``, ``mcap``, ``sqlite3`` or ``rosbag2``.
         version: Version of the format.
         path: The file.
         size: byte.
@@ -163,6 +166,11 @@ def is_rosbag2(path: PathLike) -> bool:
     return os.path.isfile(os.path.join(str(path), METADATA))
 
 
+def leftovers(path: PathLike) -> List[str]:
+    """Return the files beside a database with changes that its writer, which was killed, had not brought into it."""
+    return [name for name in ("%s-wal" % path, "%s-journal" % path) if os.path.isfile(name) and os.path.getsize(name)]
+
+
 def is_folder_of_messages(path: PathLike) -> bool:
     """Return whether a path is a rosbag2 folder, or one that lacks its ``metadata.yaml``."""
     if not os.path.isdir(str(path)):
@@ -171,6 +179,18 @@ def is_folder_of_messages(path: PathLike) -> bool:
         return any(name == METADATA or name.endswith(STORAGE_SUFFIXES) for name in os.listdir(str(path)))
     except OSError:
         return False
+
+
+def _by_number(name: str) -> List[Any]:
+    """Return a key that sorts ``run_10`` behind ``run_9``."""
+    import re
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def storage_files(folder: PathLike) -> List[str]:
+    """Return the names of the files of messages in a folder, in the order of their numbers."""
+    return sorted((name for name in os.listdir(str(folder)) if name.endswith(STORAGE_SUFFIXES)),
+                  key=_by_number)
 
 
 def _what_is_there(path: str) -> str:

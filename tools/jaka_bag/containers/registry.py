@@ -61,6 +61,9 @@ FORMATS = (
            "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
            "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index",
            "jaka_bag.containers.mcap.active:active_index"),
+    Format("sqlite3", "", b"SQLite format 3\0", "jaka_bag.containers.sqlite_records",
+           "jaka_bag.containers.sqlite_reader:SqliteReader", "",
+           "jaka_bag.containers.sqlite_recovery:SqliteRecovery"),
 )
 _PIECE = 1 << 20
 _BEGINNING = 1 << 20
@@ -91,11 +94,12 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
     if head.startswith((b"#ROSBAG V", b"#ROSRECORD V")):
         raise BagFormatError("%s is a bag of version %s; only 1.2 and 2.0 can be read ('rosbag fix' converts others)"
                              % (path, head.partition(b" V")[2].split(b"\n")[0].decode("ascii", "replace")))
-    if head.startswith(b"SQLite format 3"):
-        raise BagFormatError("%s is a part of a rosbag2 folder: give the folder" % path)
+    if head.startswith(b"\x28\xb5\x2f\xfd"):
+        raise BagFormatError("%s is compressed as a whole: unpack it (zstd -d), or give the rosbag2 folder that it is "
+                             "a part of" % path)
     if not head:
         raise BagFormatError("%s is empty" % path)
-    raise BagFormatError("%s is neither a .bag nor an .mcap file" % path)
+    raise BagFormatError("%s is no .bag, .mcap or .db3 file" % path)
 
 
 def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:

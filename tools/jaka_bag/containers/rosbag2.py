@@ -1,16 +1,16 @@
 """The writer of rosbag2 folders (MCAP storage) from ROS 1 messages, which become CDR, or from those of ROS 2."""
 import os
-import shutil
 from pathlib import Path
 from typing import Any, Dict, List, Optional
 
 import numpy as np
 import yaml
 
-from ..errors import BagError, OutputExists, WriteFailed
+from ..errors import OutputExists, WriteFailed
 from ..messages.batch import Array, MessageBatch
 from ..messages.cdr import CdrConverter, cdr_batch
 from ..messages.connection import Connection
+from ..output_file import OutputFolder
 from ..paths import PathLike
 from .contract import EncodedChunk
 from .mcap.writer import McapWriter
@@ -54,19 +54,15 @@ class Rosbag2Writer(McapWriter):
         self.folder = Path(os.path.abspath(str(folder)))
         self._overwrite = overwrite
         self._check_target()
-        self._working_folder = self.folder.with_name(self.folder.name + ".part")
-        try:
-            self._working_folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise BagError("cannot write %s: %s" % (self._working_folder, error.strerror)) from error
+        self._output_folder = OutputFolder(self.folder)
         self._converters: Dict[int, CdrConverter] = {}
         self._channel_of: Dict[Connection, int] = {}
         self._topics: Dict[int, Dict[str, str]] = {}
         try:
-            super().__init__(self._working_folder / (self.folder.name + ".mcap"), compression, level, overwrite=True,
-                             profile="ros2")
+            super().__init__(self._output_folder.working_path / (self.folder.name + ".mcap"), compression, level,
+                             overwrite=True, profile="ros2")
         except BaseException:
-            shutil.rmtree(str(self._working_folder), ignore_errors=True)
+            self._output_folder.abort()
             raise
 
     def _check_target(self) -> None:
@@ -130,20 +126,15 @@ class Rosbag2Writer(McapWriter):
         metadata = self._metadata()
         self.add_metadata("rosbag2", {"serialized_metadata": _yaml(metadata)})
         super().close()
-        aside = self.folder.with_name(self.folder.name + ".old")
         try:
-            (self._working_folder / "metadata.yaml").write_text(
+            (self._output_folder.working_path / "metadata.yaml").write_text(
                 _yaml({"rosbag2_bagfile_information": metadata}), encoding="utf-8")
             self._check_target()
-            if self.folder.exists():
-                os.rename(str(self.folder), str(aside))
-            os.rename(str(self._working_folder), str(self.folder))
-            if aside.exists():
-                shutil.rmtree(str(aside))
+            self._output_folder.commit()
         except OSError as error:
             raise WriteFailed(str(self.folder), error) from error
 
     def abort(self) -> None:
         """Give up: remove the working folder."""
         super().abort()
-        shutil.rmtree(str(self._working_folder), ignore_errors=True)
+        self._output_folder.abort()

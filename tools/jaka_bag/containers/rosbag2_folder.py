@@ -5,6 +5,7 @@ Functions that read raise ``BagError`` where the folder is damaged, or the stora
 import contextlib
 import importlib
 import os
+import tempfile
 import threading
 from pathlib import Path
 from typing import Any, Dict, Iterator, List, Optional, Tuple
@@ -14,8 +15,10 @@ from ..messages.connection import Connection
 from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
-from .index import METADATA
+from .compression import unpack_file
+from .index import METADATA, leftovers, open_for_reading, storage_files
 
+_PACKED = ".zstd"
 _ONE_AT_A_TIME = threading.Lock()
 """Held by the thread that reads: rosbags 0.10 unpacks every MCAP with one decompressor, which two at once garble."""
 
@@ -54,8 +57,38 @@ def _is_latched(profiles: Any) -> bool:
     return any(getattr(profile.durability, "name", "") == "TRANSIENT_LOCAL" for profile in profiles)
 
 
+def _unpacked(folder: PathLike) -> "Optional[tempfile.TemporaryDirectory[str]]":
+    """Return a temporary copy of a folder whose files are compressed as a whole, unpacked; None where they are not."""
+    import yaml
+
+    with open(os.path.join(str(folder), METADATA), encoding="utf-8") as file:
+        document = yaml.safe_load(file)
+    facts = document["rosbag2_bagfile_information"]
+    if str(facts.get("compression_mode", "")).lower() != "file" or facts.get("compression_format") != "zstd":
+        return None
+    copy = tempfile.TemporaryDirectory(prefix="jaka_bag")
+    try:
+        names = []
+        for name in map(os.path.basename, facts["relative_file_paths"]):
+            names.append(name[:-len(_PACKED)] if name.endswith(_PACKED) else name)
+            path = os.path.join(str(folder), name)
+            with open_for_reading(path) as packed, open(os.path.join(copy.name, names[-1]), "wb") as unpacked:
+                reason = unpack_file(packed.fileno(), os.path.getsize(path), unpacked)[1]
+            if reason:
+                raise BagError("%s cannot be unpacked: %s" % (name, reason))
+        facts.update(relative_file_paths=names, compression_mode="", compression_format="")
+        with open(os.path.join(copy.name, METADATA), "w", encoding="utf-8") as file:
+            yaml.safe_dump(document, file)
+    except BaseException:
+        copy.cleanup()
+        raise
+    return copy
+
+
 class Rosbag2Folder:
     """A rosbag2 folder as ROS 1 sees it; it is open only while messages are read.
+
+    Files that are compressed as a whole are unpacked once, into a temporary folder that goes with ``close``.
 
     Args:
         folder: The folder.
@@ -80,14 +113,21 @@ class Rosbag2Folder:
         self.left_out: List[str] = []
         self._types: Dict[str, Ros1Type] = {}
         self._numbers: Dict[Any, int] = {}
+        self._copy: Optional[tempfile.TemporaryDirectory[str]] = None
         try:
+            if any(leftovers(os.path.join(self.folder, name)) for name in storage_files(folder)):
+                raise BagError("the writer of a database was cut off and left changes beside it")  # rosbags reads none
+            self._copy = _unpacked(folder)
+            self._read_folder = self._copy.name if self._copy else self.folder
             with self._open() as reader:
                 sources = list(reader.connections)
         except Exception as error:  # ReaderError, OSError, errors of sqlite3: whatever the storage meets
+            self.close()
             raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (folder, error)) from error
         for source in sources:
             self._take(source)
         if self.left_out and not self.connections:
+            self.close()
             raise DefinitionError("%s: %s" % (folder, "; ".join(self.left_out)))
 
     def _take(self, source: Any) -> None:
@@ -121,12 +161,17 @@ class Rosbag2Folder:
         for source, log_time, _ in self._raw_messages(None, None):
             yield self._numbers[source.id], log_time
 
+    def close(self) -> None:
+        """Remove what was unpacked."""
+        if self._copy:
+            self._copy.cleanup()
+
     @contextlib.contextmanager
     def _open(self) -> Iterator[Any]:
         """Open a reader for the thread that calls: databases are of the thread that opens them."""
         with contextlib.ExitStack() as stack:
             with _ONE_AT_A_TIME:  # an MCAP without a summary is unpacked here
-                reader = stack.enter_context(self._library.Reader(Path(self.folder)))
+                reader = stack.enter_context(self._library.Reader(Path(self._read_folder)))
             yield reader
 
     def _raw_messages(self, start: Optional[int], stop: Optional[int]) -> Iterator[Tuple[Any, int, bytes]]:

@@ -41,7 +41,11 @@ class Rosbag2Reader(LogReader):
 
     def __init__(self, path: PathLike) -> None:
         folder = self._folder = Rosbag2Folder(path)
-        found = list(folder.times())
+        try:
+            found = list(folder.times())
+        except BaseException:
+            folder.close()
+            raise
         numbers = np.array([number for number, _ in found], np.int64)
         times = np.array([time for _, time in found], np.int64)
         order = np.argsort(times, kind="stable")
@@ -65,6 +69,11 @@ class Rosbag2Reader(LogReader):
         length = np.array(list(map(len, payloads)), np.int64)
         return MessageBatch(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length,
                             np.array(numbers, np.int32), np.array(times, np.int64))
+
+    def close(self) -> None:
+        """Close the folder."""
+        self._folder.close()
+        super().close()
 
     def read_metadata(self, entry: object) -> Dict[str, str]:
         """See ``LogReader``; a folder has none."""

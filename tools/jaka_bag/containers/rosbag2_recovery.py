@@ -1,38 +1,25 @@
 """The recovery of rosbag2 folders: each file of messages in order, with ``metadata.yaml`` or without it."""
 import os
-import re
 import tempfile
 from pathlib import Path
-from typing import Any, BinaryIO, Callable, Dict, Iterator, List, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Tuple
 
 import numpy as np
 
 from ..errors import BagError, BagFormatError
-from ..messages.batch import Array, MessageBatch, distinct
+from ..messages.batch import Array, MessageBatch, distinct, with_payloads
 from ..messages.connection import Connection
 from ..paths import PathLike
-from .index import METADATA, STORAGE_SUFFIXES, AttachmentIndex, MetadataIndex, open_for_reading, read_at
+from .compression import unpack_file
+from .index import METADATA, AttachmentIndex, MetadataIndex, open_for_reading, storage_files
 from .mcap.recovery import McapRecovery
+from .packed_messages import may_be_packed, unpacked
 from .recovery import LogRecovery, Loss, Stretch
 from .sqlite_recovery import SqliteRecovery
 
 _PACKED = ".zstd"
-_READ, _PIECE = 1 << 20, 1 << 12
-"""Bytes that are read, and that are unpacked, at once: where they are damaged, what they give is lost."""
-_MOST_RATIO, _FLOOR = 1000, 1 << 30
 _DECLARATIONS = "rosbag2"
 """Name of the record in which an MCAP of a folder repeats the folder's ``metadata.yaml``."""
-
-
-def _by_number(name: str) -> List[Any]:
-    """Return a key that sorts ``run_10`` behind ``run_9``."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
-
-
-def storage_files(folder: PathLike) -> List[str]:
-    """Return the names of the files of messages in a folder, in the order of their numbers."""
-    return sorted((name for name in os.listdir(str(folder)) if name.endswith(STORAGE_SUFFIXES)),
-                  key=_by_number)
 
 
 def declarations(folder: PathLike) -> Tuple[List[str], int, Dict[str, int]]:
@@ -105,7 +92,9 @@ class Rosbag2Recovery(LogRecovery):
             try:
                 with open_for_reading(path) as file, tempfile.NamedTemporaryFile(prefix="jaka_bag") as space:
                     if name.endswith(_PACKED):
-                        damage = self._unpack_file(file, size, space)
+                        end, reason = unpack_file(file.fileno(), size, space.file)
+                        damage = [Loss(end, size, "the compressed file was unpacked up to here (%s)" % reason)
+                                  ] if reason else []
                         for each in self._file(Path(space.name), name, space, passed):
                             yield each._replace(begin=passed, end=passed + size)
                         self._lose_of(name, damage)
@@ -122,28 +111,6 @@ class Rosbag2Recovery(LogRecovery):
             after = self._last_time if loss.after is None else loss.after
             self.losses.append(loss._replace(after=after, file=name))
 
-    def _unpack_file(self, file: BinaryIO, size: int, space: Any) -> List[Loss]:
-        """Unpack a file that was compressed as a whole into another one, up to its first damage; return the loss."""
-        import zstandard
-        decoder = zstandard.ZstdDecompressor().decompressobj()
-        most = max(_FLOOR, _MOST_RATIO * size)
-        reason = "it ends too early"
-        at = 0
-        try:
-            for begin in range(0, size, _READ):
-                raw = memoryview(read_at(file.fileno(), begin, _READ))
-                for at in range(begin, begin + len(raw), _PIECE):
-                    space.write(decoder.decompress(raw[at - begin:at - begin + _PIECE]))
-                    if decoder.eof or space.tell() > most:
-                        break
-                if decoder.eof or space.tell() > most:
-                    reason = "" if decoder.eof else "a limit, not damage: up to %d MB are unpacked" % (most // 1000000)
-                    break
-        except zstandard.ZstdError as error:
-            reason = str(error)
-        space.flush()
-        return [Loss(at, size, "the compressed file was unpacked up to here (%s)" % reason)] if reason else []
-
     def _file(self, path: Path, name: str, file: Any, passed: int) -> Iterator[Stretch]:
         """Yield the messages of one file, with the numbers of this recovery.
 
@@ -155,13 +122,13 @@ class Rosbag2Recovery(LogRecovery):
         """
         size = os.fstat(file.fileno()).st_size
         is_database = name.endswith((".db3", ".db3" + _PACKED))
-        part = SqliteRecovery(path, file.fileno(), size) if is_database else McapRecovery(file.fileno(), size)
+        part = (SqliteRecovery if is_database else McapRecovery)(file.fileno(), size)
         known = 0
         for stretch in part.stretches():
             if len(stretch.batch):  # until then a loss may still grow
                 self._lose_of(name, part.losses[known:])
                 known = len(part.losses)
-                yield stretch._replace(batch=self._renumbered(stretch.batch, part, name))
+                yield stretch._replace(batch=self._renumbered(self._plain(stretch, name), part, name))
         self._lose_of(name, part.losses[known:])
         for file_id, connection in part.connections.items():
             self._number(connection)
@@ -176,6 +143,21 @@ class Rosbag2Recovery(LogRecovery):
             if entry.name != _DECLARATIONS:
                 self.metadata.append(entry._replace(position=passed + entry.position))
                 self._extras[self.metadata[-1]] = self._later(path, name, part, McapRecovery.read_metadata, entry)
+
+    def _plain(self, stretch: Stretch, name: str) -> MessageBatch:
+        """Return the messages of a file, those unpacked that were compressed one by one."""
+        batch = stretch.batch
+        if not may_be_packed(batch):
+            return batch
+        made: List[bytes] = []
+        good: List[int] = []
+        for number, (begin, size) in enumerate(zip(batch.start.tolist(), batch.length.tolist())):
+            try:
+                made.append(unpacked(batch.data[begin:begin + size].tobytes()))
+                good.append(number)
+            except BagFormatError as error:
+                self._lose_of(name, [Loss(stretch.begin, stretch.end, str(error))])
+        return with_payloads(batch.take(np.array(good, np.int64)), made)
 
     def _later(self, path: Path, name: str, part: Any, read: Callable[..., Any], entry: Any) -> Callable[[], Any]:
         """Return what reads an attachment or metadata of a file: again, or at once where it is unpacked only now."""

@@ -2,33 +2,24 @@
 
 Pages of a database have no checksums: bytes that changed inside of a message are not noticed.
 """
+import contextlib
 import os
 import shutil
 import sqlite3
 import tempfile
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Iterator, List, Optional, Tuple
 
-import numpy as np
-
-from ..messages.batch import MessageBatch
-from ..messages.connection import Connection
-from ..messages.ros2_types import ros2_definition
-from ..paths import PathLike
-from .compression import decompress_partly
+from ..errors import BagFormatError
+from .index import leftovers
+from .packed_messages import unpacked
 from .recovery import LogRecovery, Stretch
+from .sqlite_reader import batch_of
+from .sqlite_records import open_database, read_topics
 
 _BATCH_BYTES, _BATCH_MESSAGES = 1 << 20, 4096
 _SINGLE_STEPS = 1000
 """Unreadable rows that are tried one by one before the steps grow."""
-_ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a compressed message; one of CDR begins with 0."""
-_UNFINISHED = ("-wal", "-journal")
-"""Suffixes of files with changes that a writer that was killed had not brought into the database."""
-
-
-def _text(raw: bytes) -> str:
-    return raw.decode("utf-8", "surrogateescape")
 
 
 def _short(error: Exception) -> str:
@@ -39,62 +30,42 @@ class SqliteRecovery(LogRecovery):
     """The recovery of one database; see ``LogRecovery``. The file is not changed.
 
     Args:
-        path: The database.
         descriptor: Its open file.
         size: byte.
     """
 
-    def __init__(self, path: PathLike, descriptor: int, size: int) -> None:
+    def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
         self.profile = "ros2"
-        self._path = Path(os.path.abspath(str(path)))
+        self._path = Path(os.readlink("/proc/self/fd/%d" % descriptor))
 
     def _database(self, folder: str) -> sqlite3.Connection:
         """Return the open database; where it has changes of an unfinished writer, those are taken up in a copy."""
         path, options = self._path, "mode=ro&immutable=1"
-        besides = [Path(str(self._path) + suffix) for suffix in _UNFINISHED]
-        if any(each.is_file() and each.stat().st_size for each in besides):
-            for each in (self._path, *(each for each in besides if each.is_file())):
-                shutil.copyfile(str(each), os.path.join(folder, each.name))
+        besides = leftovers(self._path)
+        if besides:
+            for name in (str(self._path), *besides):
+                shutil.copyfile(name, os.path.join(folder, os.path.basename(name)))
             path, options = Path(folder) / self._path.name, "mode=rw"
             self.notes.append("changes that a writer left beside %s were taken up" % self._path.name)
-        database = sqlite3.connect("%s?%s" % (path.as_uri(), options), uri=True)
-        database.execute("PRAGMA writable_schema=ON")  # else one that is cut off is refused as a whole
-        database.text_factory = _text
-        return database
+        return open_database(path, options)
 
     def _stretches(self) -> Iterator[Stretch]:
         with tempfile.TemporaryDirectory(prefix="jaka_bag") as folder:
-            try:
-                database = self._database(folder)
-                self._read_topics(database)
-            except (sqlite3.Error, OSError) as error:
-                self.lose(0, self.size, "its topics cannot be read (%s)" % _short(error))
-                return
-            try:
+            with contextlib.ExitStack() as stack:
+                try:
+                    database = stack.enter_context(contextlib.closing(self._database(folder)))
+                    self._read_topics(database)
+                except (sqlite3.Error, OSError) as error:
+                    self.lose(0, self.size, "its topics cannot be read (%s)" % _short(error))
+                    return
                 yield from self._batches(database)
-            finally:
-                database.close()
 
     def _read_topics(self, database: sqlite3.Connection) -> None:
-        columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
-        definitions: Dict[str, Tuple[str, str]] = {}
-        try:
-            for kind, encoding, text in database.execute(
-                    "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"):
-                definitions[kind] = ("ros2idl" if encoding == "ros2idl" else "ros2msg", text)
-        except sqlite3.Error:
-            pass  # older databases have none
-        wanted = [name if name in columns else "''" for name in ("offered_qos_profiles", "type_description_hash")]
-        for row in database.execute("SELECT id, name, type, serialization_format, %s, %s FROM topics" % tuple(wanted)):
-            file_id, topic, kind, encoding, qos, type_hash = row
-            if not isinstance(file_id, int) or not all(isinstance(each, str) for each in row[1:]):
-                self.lose(0, self.size, "the row of a topic is damaged")
-                continue
-            language, text = definitions.get(kind) or ("ros2msg", "")
-            self.learn({file_id: Connection(
-                topic, kind, "", text or ros2_definition(kind), encoding=encoding, schema_encoding=language,
-                extra=(("offered_qos_profiles", qos), ("topic_type_hash", type_hash)))})
+        found, damaged = read_topics(database)
+        for _ in range(damaged):
+            self.lose(0, self.size, "the row of a topic is damaged")
+        self.learn(found)
 
     def _last_id(self, database: sqlite3.Connection) -> Optional[int]:
         """Return the number of the last row; None where it cannot be reached."""
@@ -108,8 +79,9 @@ class SqliteRecovery(LogRecovery):
         """Return the number of the first row from ``begin`` on that can be reached; ``last`` + 1 where none can."""
         def is_reached(number: int) -> bool:
             try:
-                return database.execute("SELECT timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1",
-                                        (number,)).fetchone() is not None
+                found = database.execute("SELECT id, timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1",
+                                         (number,)).fetchone()
+                return found is not None and found[0] >= number
             except sqlite3.Error:
                 return False
 
@@ -135,6 +107,8 @@ class SqliteRecovery(LogRecovery):
             try:
                 for number, topic, time, data in database.execute(
                         "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? ORDER BY id", (begin,)):
+                    if number < begin:  # damaged pages may lead back, without an end
+                        raise sqlite3.DatabaseError("they are not in order")
                     begin = number + 1
                     yield topic, time, data
                 return
@@ -155,11 +129,11 @@ class SqliteRecovery(LogRecovery):
             if not (isinstance(topic, int) and isinstance(time, int) and isinstance(data, bytes)):
                 self.lose(0, self.size, "a row is no message")
                 continue
-            if data.startswith(_ZSTD):
-                data, reason = self._unpacked(data)
-                if reason:
-                    self.lose(0, self.size, reason)
-                    continue
+            try:
+                data = unpacked(data)
+            except BagFormatError as error:
+                self.lose(0, self.size, str(error))
+                continue
             waiting.append((topic, time, data))
             held += len(data)
             if held >= _BATCH_BYTES or len(waiting) >= _BATCH_MESSAGES:
@@ -168,21 +142,5 @@ class SqliteRecovery(LogRecovery):
         if waiting:
             yield self._stretch(waiting)
 
-    def _unpacked(self, data: bytes) -> Tuple[bytes, str]:
-        """Return a compressed message, and the reason where it cannot be had."""
-        import zstandard
-        try:
-            size = zstandard.frame_content_size(data)
-        except zstandard.ZstdError:
-            size = -1
-        whole = decompress_partly("zstd", data)
-        if size < 0 or len(whole) != size:
-            return b"", "a compressed message is damaged"
-        return whole, ""
-
     def _stretch(self, rows: List[Tuple[int, int, bytes]]) -> Stretch:
-        length = np.array([len(data) for _, _, data in rows], np.int64)
-        batch = MessageBatch(np.frombuffer(b"".join(data for _, _, data in rows), np.uint8),
-                             np.cumsum(length) - length, length, np.array([row[0] for row in rows], np.int64),
-                             np.array([row[1] for row in rows], np.int64))
-        return Stretch(0, self.size, batch)
+        return Stretch(0, self.size, batch_of(rows))

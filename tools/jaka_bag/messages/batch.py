@@ -132,8 +132,14 @@ def converted(batch: MessageBatch, which: Array, convert: Callable[[bytes], byte
     taken = batch.take(which)
     made = [convert(batch.data[at:at + size].tobytes())
             for at, size in zip(taken.start.tolist(), taken.length.tolist())]
-    length = np.array(list(map(len, made)), np.int64)
-    return taken.replace(data=np.frombuffer(b"".join(made), np.uint8), start=np.cumsum(length) - length, length=length)
+    return with_payloads(taken, made)
+
+
+def with_payloads(batch: MessageBatch, payloads: List[bytes]) -> MessageBatch:
+    """Return a batch with other payloads, one for each of its messages."""
+    length = np.array(list(map(len, payloads)), np.int64)
+    return batch.replace(data=np.frombuffer(b"".join(payloads), np.uint8), start=np.cumsum(length) - length,
+                         length=length)
 
 
 def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:

@@ -7,6 +7,8 @@ from .connection import Connection
 from .definitions import definition_md5
 
 _BREAK = "=" * 80
+_BIG_ENDIAN = b"\0\0"
+"""First bytes of a CDR message whose numbers have the high byte first."""
 _ROS2_HEADER = ("builtin_interfaces/Time stamp\nstring frame_id\n" + _BREAK
                 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n" + _BREAK
                 + "\nMSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n")
@@ -182,6 +184,9 @@ class Ros1Type:
             DefinitionError: The definition does not describe these bytes.
         """
         try:
+            if message[:2] == _BIG_ENDIAN:  # rosbags converts none of these directly
+                message = bytes(self._store.serialize_cdr(
+                    self._store.deserialize_cdr(message, self._ros2_name), self._ros2_name, little_endian=True))
             return bytes(self._store.cdr_to_ros1(message, self._ros2_name))
         except Exception as error:
             raise DefinitionError("a message of %s does not fit its definition" % self._ros2_name) from error

@@ -153,4 +153,6 @@ def default_target(source: PathLike) -> Path:
             return path
     elif path.suffix in (".bag", ".mcap"):
         return path.with_suffix(".recovered" + path.suffix)
+    elif path.suffix == ".db3":
+        return path.with_suffix(".recovered.mcap")
     raise BagError("%s: give the output" % source)

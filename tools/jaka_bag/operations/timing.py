@@ -107,13 +107,15 @@ def timing_of(times: Array) -> Dict[str, Any]:
 
 
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``freq`` into each topic of an info document."""
+    """Put ``freq`` into each topic of an info document that the log, as it is read here, has."""
     by_topic: Dict[str, Timing] = {}
     with open_log(path) as reader:
+        known = {connection.topic for connection in reader.connections}
         for name, times in log_times(reader):
             by_topic.setdefault(name, Timing()).add(times)
     for topic in document["topics"]:
-        topic["freq"] = by_topic.get(topic["topic"], Timing()).document()
+        if topic["topic"] in known:
+            topic["freq"] = by_topic.get(topic["topic"], Timing()).document()
 
 
 def sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:

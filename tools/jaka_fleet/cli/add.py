@@ -41,7 +41,8 @@ def pattern(text: str) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``jaka_bag dataset add``."""
-    parser.add_argument("sources", metavar="SRC", nargs="+", help="logs, .bag or .mcap, and folders of such")
+    parser.add_argument("sources", metavar="SRC", nargs="+",
+                        help="logs, .bag, .mcap or .db3, rosbag2 folders, and folders of such")
     parser.add_argument("--to", metavar="DATASET", required=True,
                         help="the data set: a folder, which is made where it is missing, or a URL as s3://")
     group = parser.add_argument_group("the cell of a log (default: the key 'cell' of the log's metadata)")

@@ -15,7 +15,7 @@ from typing import BinaryIO, Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from jaka_bag.containers.contract import LogReader
-from jaka_bag.containers.index import open_for_reading
+from jaka_bag.containers.index import METADATA, PACKED_SUFFIXES, open_for_reading, storage_files
 from jaka_bag.containers.registry import open_log
 from jaka_bag.engines.tasks import DONE, SKIPPED, LogResult, LogTask
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, UsageError
@@ -46,7 +46,7 @@ from .runs import (
 )
 from .store import Staging, open_store
 
-SUFFIXES = (".bag", ".mcap", ".bag.active", ".mcap.active")
+SUFFIXES = (".bag", ".mcap", ".db3", ".bag.active", ".mcap.active")
 UNNAMED = "unnamed"
 """The cell of a log for which nothing names one."""
 _HASH_PIECE = 1 << 20
@@ -74,6 +74,8 @@ class AddSettings(NamedTuple):
 def find_logs(sources: Sequence[str]) -> List[str]:
     """Return the named logs, and those in folders and below, each once, sorted within a folder.
 
+    The files of a rosbag2 folder are logs; where they are compressed as a whole, the folder is one.
+
     Raises:
         UsageError: There is no such file, or a folder has none.
     """
@@ -89,6 +91,8 @@ def find_logs(sources: Sequence[str]) -> List[str]:
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             found.update(dict.fromkeys(os.path.join(folder, name) for name in sorted(names)
                                        if name.endswith(SUFFIXES)))
+            if METADATA in names and any(name.endswith(PACKED_SUFFIXES) for name in names):
+                found[folder] = None
         if len(found) == before:
             raise UsageError("%s holds no log (%s)" % (source, ", ".join("*" + suffix for suffix in SUFFIXES)))
     return list(found)
@@ -106,34 +110,37 @@ def file_name(cell: str, run: str) -> str:
     return "%s-%s.parquet" % (re.sub(r"[^\w.+]", "_", cell, flags=re.ASCII), run)
 
 
+def _files_of(path: str) -> List[str]:
+    """Return the files of a log: itself, or those of a rosbag2 folder."""
+    return [os.path.join(path, name) for name in [METADATA, *storage_files(path)]] if os.path.isdir(path) else [path]
+
+
 class _Source:
-    """The log's file: its hash, and whether it is still what was hashed.
+    """The log's file, or those of its folder: their hash, and whether they are still what was hashed."""
 
-    Raises:
-        BagError: It cannot be opened.
-    """
-
-    def __init__(self, path: str, file: BinaryIO) -> None:
+    def __init__(self, path: str, files: Sequence[BinaryIO]) -> None:
         self.path = path
-        self._file = file
+        self._files = files
         self._state = self._look()
-        self.size = self._state[0]
+        self.size = sum(size for size, _ in self._state)
         digest = hashlib.sha256()
-        while True:
-            piece = file.read(_HASH_PIECE)
-            if not piece:
-                break
-            digest.update(piece)
+        for file in files:
+            while True:
+                piece = file.read(_HASH_PIECE)
+                if not piece:
+                    break
+                digest.update(piece)
         self.hash = digest.hexdigest()
 
-    def _look(self) -> Tuple[int, int]:
-        state = os.fstat(self._file.fileno())
-        return state.st_size, state.st_mtime_ns
+    def _look(self) -> List[Tuple[int, int]]:
+        states = [os.fstat(file.fileno()) for file in self._files]
+        return [(state.st_size, state.st_mtime_ns) for state in states]
 
     def check_unchanged(self) -> None:
         """Raise ``BagError`` where it was written to, or another file has its name, since it was opened."""
         try:
-            is_same = os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
+            is_same = all(os.path.samestat(os.stat(path), os.fstat(file.fileno()))
+                          for path, file in zip(_files_of(self.path), self._files))
         except FileNotFoundError:
             is_same = False
         if not is_same or self._look() != self._state:
@@ -153,8 +160,8 @@ def add_log(task: LogTask) -> LogResult:
     store = open_store(settings.location)
     if task.path.endswith(".active") and is_being_written(Path(task.path)):
         return LogResult(task.path, SKIPPED, "it is being written")
-    with open_for_reading(task.path) as file:
-        source = _Source(task.path, file)
+    with contextlib.ExitStack() as stack:
+        source = _Source(task.path, [stack.enter_context(open_for_reading(path)) for path in _files_of(task.path)])
         status = find_status(store, source.hash)
         if status is not None and not (settings.is_again and status == UNREADABLE):
             return LogResult(task.path, SKIPPED, "it is in the data set", source.size, 0, source.hash)

@@ -15,6 +15,7 @@ from .. import contract
 from ..compression import decompress
 from ..contract import LogReader, ParsedChunk
 from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
+from ..packed_messages import may_be_packed, plain
 from . import records as fmt
 
 _HEAD = fmt.MESSAGE_HEAD.size
@@ -142,7 +143,8 @@ class McapReader(LogReader):
         batch = self._messages(chunk, raw, channels)
         if channels.renamed:
             raise BagFormatError(fmt.DEFINED_AGAIN % min(channels.renamed))
-        return batch
+        is_cdr = self.index.profile == "ros2" and all(each.encoding == "cdr" for each in self.connections)
+        return plain(batch) if is_cdr and may_be_packed(batch) else batch
 
     def _messages(self, chunk: ChunkRef, raw: bytes, channels: Channels) -> MessageBatch:
         if chunk.is_loose:
