@@ -45,18 +45,18 @@ def positive(what: str, value: Optional[float], default: float) -> float:
 
 
 def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
-              rotation_acceleration: Optional[float]) -> LegPace:
+              rotation_acceleration: Optional[float], share: float = 1.0) -> LegPace:
     """Return a move's pace, limited to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
 
-    It raises as ``positive`` does.
+    Accelerations are this share of those asked for. It raises as ``positive`` does.
     """
     top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
     return LegPace(
         min(positive("speed", speed, 0.0), top),
-        min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
+        min(share * positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
         min(positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED), FASTEST),
-        min(positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION), STRONGEST),
+        min(share * positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION), STRONGEST),
         strongest)
 
 
