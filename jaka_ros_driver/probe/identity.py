@@ -6,9 +6,10 @@ _MAKERS = re.compile(r"serial|robot_id|robot_name|_sn\b|mac_addr|host_?name|user
 """Names of fields whose value names one arm, computer or person."""
 _HIDDEN = re.compile(r"[x0]*\Z")
 _KINDS: Dict[str, "re.Pattern[str]"] = {
-    "an address": re.compile(r"(?<![\w.])\d{1,3}(?:\.\d{1,3}){3}(?![\w.])|(?i:\b(?:[0-9a-f]{1,4}:){3,}:?[0-9a-f]{1,4}\b)"),
+    "an address": re.compile(r"(?<![\w.])\d{1,3}(?:\.\d{1,3}){3}(?![\w.])"
+                             r"|(?i:\b(?:[0-9a-f]{1,4}:){3,}:?[0-9a-f]{1,4}\b)"),
     "a hardware address": re.compile(r"(?i)\b(?:[0-9a-f]{2}[:-]){5}[0-9a-f]{2}\b|\b(?=[0-9a-f]*\d)[0-9a-f]{12}\b"),
-    "a host name": re.compile(r"(?i)\b[a-z0-9-]+\.(?:local|lan|home|internal|corp|intra|invalid|com|net|org|io|de|cn|jp)\b"
+    "a host name": re.compile(r"(?i)\b[a-z0-9-]+\.(?:local|lan|home|internal|corp|invalid|com|net|org|io|de|cn|jp)\b"
                               r"|\b\w+://\S+"),
     "a user name": re.compile(r"(?i)\b[\w.-]+@[\w.-]+|/(?:home|users)/\w+|\\users\\\w+"),
     "a serial number": re.compile(r"\b(?=[A-Z-]*\d)(?=[\d-]*[A-Z])[A-Z0-9-]{7,}\b|(?<![\w.])\d{6,}(?![\w.])"),

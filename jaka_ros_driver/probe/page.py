@@ -17,6 +17,8 @@ svg { max-width: 100%; height: auto; }
 """
 _WIDTH, _HEIGHT, _MARGIN = 640, 240, 44
 _TITLES = {"move": "Joint 6 in a move of 2 deg, from its first motion on",
+           "out": "Joint 6 in a move of 2.5 deg that accelerates slowly; 0 s is its acceptance",
+           "back": "The same on its way back, with which the simulated controller is compared",
            "stop": "Joint 6 in a move that is stopped; 0 s is when stop_program was sent"}
 
 

@@ -13,14 +13,16 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask, frames_of
 from jaka_ros_driver.probe.facts import Fact, Facts, ProbeStage
+from jaka_ros_driver.probe.fit import Curve
 from jaka_ros_driver.probe.identity import identity_in
 from jaka_ros_driver.probe.look import HeardFeed, listen, look
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover
-from jaka_ros_driver.probe.move import AXIS, MOVES, Curve, move, why_not
+from jaka_ros_driver.probe.move import ASKED, AXIS, MOVES, move, why_not
 from jaka_ros_driver.probe.page import page
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.probe.set_same import HOLD_S, SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
+from jaka_ros_driver.probe.twin import twin_facts
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import DriverLock, holder_of
 from jaka_ros_driver.state import unrest
@@ -269,6 +271,8 @@ class _Run:
 
     def write(self, folder: Path, is_whole: bool) -> None:
         """Write and print the report, and write the log of the wire."""
+        if ProbeStage.MOVE in self._done:
+            self._facts.update(twin_facts(self._facts, self._curves, ASKED))
         if not self._options.keep_identity:
             self._facts = {name: fact._replace(how=fact.how.replace(self._options.address, "x"))
                            for name, fact in self._facts.items()}

@@ -13,8 +13,9 @@ from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMA
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
 _WIDTH = 110
-_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02}
-"""Differences that are chance: of times, s; of a length, as a share."""
+_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
+              "move_acceleration": 0.1, "move_jerk_time": 0.05}
+"""Differences that are chance: of times, s; of a length, as a share; of an acceleration, as a share of what was asked."""
 
 
 class ReportError(JakaError):
@@ -110,6 +111,9 @@ def text(facts: Facts, left: Sequence[str] = ()) -> List[str]:
     for name in DESCRIBED:
         if name in settled:
             lines += _fact_lines(name, settled[name])
+    if "twin_angle" in settled and "twin_time" in settled:
+        lines += ["", *_wrapped("This twin is within %.3f deg and %.0f ms of your arm, in %s" % (
+            settled["twin_angle"].value, 1000.0 * settled["twin_time"].value, settled["twin_angle"].how))]
     open_ones = [name for name in DESCRIBED if name in facts and name not in settled]
     if open_ones:
         lines += ["", "Not settled", ""]

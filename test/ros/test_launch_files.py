@@ -178,8 +178,9 @@ def test_a_report_of_the_controller_reaches_the_driver_and_none_is_left_of_an_ea
 
 
 def test_each_of_several_arms_has_its_own_report_or_none(tmp_path):
-    (tmp_path / "arms.yaml").write_text((ROOT / "docs" / "examples" / "arms.yaml").read_text().replace(
-        "    # controller_profile: /etc/jaka/left_probe.json  (", "    controller_profile: /etc/jaka/left_probe.json  # ("))
+    example = (ROOT / "docs" / "examples" / "arms.yaml").read_text()
+    written = example.replace("# controller_profile: ", "controller_profile: ").replace("json  (", "json  # (")
+    (tmp_path / "arms.yaml").write_text(written)
     _, params = nodes(["file:=%s" % (tmp_path / "arms.yaml"), "arms:=left right"], str(ROOT / "launch" / "arms.launch"))
     assert params["/left/jaka_driver/controller_profile"] == "/etc/jaka/left_probe.json"
     assert params["/right/jaka_driver/controller_profile"] == ""

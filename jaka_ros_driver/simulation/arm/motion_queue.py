@@ -94,17 +94,21 @@ class MotionQueue:
         self._check_room()
         if self._waiting:
             last = self._waiting[-1].route
-            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, jerk_time(self.jerk_limited, self.jerk_seconds)):
+            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, self._jerk_time):
                 return
         elif self._running is not None and not self._running.is_ending:
             running = self._running
             if isinstance(running.route, CartesianRoute) and running.route.append(
-                    leg, running.way, running.speed, jerk_time(self.jerk_limited, self.jerk_seconds)):
+                    leg, running.way, running.speed, self._jerk_time):
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
             raise TargetRejected(_of_move(route.break_event))
         self._enter(_Entry(route))
+
+    @property
+    def _jerk_time(self) -> float:
+        return jerk_time(self.jerk_limited, self.jerk_seconds)
 
     @property
     def takes_jog(self) -> bool:

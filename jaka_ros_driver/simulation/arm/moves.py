@@ -28,8 +28,17 @@ DEFAULT_ROTATION_ACCELERATION = 12.56
 SAME_PLACE = 1e-6
 """Distance, m, from the end of the queue below which a target counts as the same place."""
 
+_LEAST_BRAKING = 0.01
+"""Smallest deceleration of a stop, as a share of what the model allows."""
 _TOOL_RATE_PIECE = 0.1  # rad; step of the joint with the longest way between two samples
 _TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance shows
+
+
+def braking_share(model: ArmModel, deceleration: Optional[float]) -> float:
+    """Return a deceleration of joint 6, rad/s2, as a share of what the model allows; 1 for None and for more."""
+    if deceleration is None:
+        return 1.0
+    return min(1.0, max(_LEAST_BRAKING, deceleration / model.joint_max_acceleration[-1]))
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:

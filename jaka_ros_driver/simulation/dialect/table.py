@@ -83,7 +83,8 @@ class Dialect:
                                 "a reply says that a command was received, no more [D]: 2", 0.0, 20.0, "s", 0.0)
     move_acceleration: float = _range(
         "acceleration of a move, as a share of what it asks for",
-        "`accel` is the acceleration [D*]; whether a controller keeps to it is not known [I]: 5.2", 0.2, 4.0, "times", 1.0)
+        "`accel` is the acceleration [D*]; whether a controller keeps to it is not known [I]: 5.2",
+        0.2, 4.0, "times", 1.0)
     move_jerk_time: float = _range("how long the acceleration of moves and jogs builds up, where the simulation has "
                                    "ruckig", "an S-curve exists [D HDR]; its jerk is not known [I]: 5.4.3",
                                    0.0, 0.2, "s", 0.05)
