@@ -5,8 +5,7 @@ of this one.
 """
 import enum
 import re
-from collections import Counter
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Counter, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.probe.facts import Facts
 
@@ -131,7 +130,7 @@ STATEMENTS: Dict[str, Statement] = {
 }
 """All statements by id. An id is never used again for another statement."""
 
-Arms = Dict[Verdict, "Counter[str]"]
+Arms = Dict[Verdict, Counter[str]]
 """Numbers of arms by firmware, of each verdict."""
 
 
