@@ -49,7 +49,7 @@ def test_a_report_as_the_probe_writes_it_belongs_there():
     ("the status port 10000 of 192.168.1.20: refused", "an address"), ("fe80::1ff:fe23:4567:890a", "an address"),
     ("eth0 is 00:1B:44:11:3A:B7", "a hardware address"), ("001b44113ab7", "a hardware address"),
     ("[Errno -2] cell-pc.local is no address", "a host name"), ("http://robots/arm", "a host name"),
-    ("written by anna@line3", "a user name"), ("/Users/anna/probe", "a user name"),
+    ("written by anna@line3", "a user name"), ("/users/anna/probe", "a user name"),
     ("arm JK2023-00417", "a serial number"), ("number 20231104", "a serial number"),
     ('"robot_name": "Bob"', "a name"), ("robot name is Bob", "a name"), ("serial: 7A", "a name")])
 @pytest.mark.parametrize("place", ["how", "spread", "value"])
