@@ -3,12 +3,12 @@ import math
 import random
 
 import pytest
+from twin_check import missed
 
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.facts import Fact
-from jaka_ros_driver.probe.fit import Profile, times_of
+from jaka_ros_driver.probe.fit import Profile
 from jaka_ros_driver.probe.move import ASKED
-from jaka_ros_driver.probe.recorded import quantile
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, place_at, progress, twin_facts, twin_motion
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG
 from jaka_ros_driver.simulation.dialect.table import Dialect
@@ -45,20 +45,6 @@ def true_motions(arm, delay=0.0):
                               ASKED[name], None) for name, way in WAYS.items()}
 
 
-def missed(motions, found):
-    """Return how far beyond the stated error the twin's way back is from the arm's, without a feed in between."""
-    made = twin_motion(Dialect.default("1.7.2").replaced(report.dialect_of(found)), "zu7", None, WAYS[BACK],
-                       ASKED[BACK], None)
-    way = WAYS[BACK]
-    true = [(at, place) for at, place in motions[BACK] if 0.005 * way < place < 0.995 * way]
-    degrees = quantile([abs(place - place_at(made, at)) for at, place in true], 0.95)
-    middle = [(at, place) for at, place in true if 0.1 * way < place < 0.9 * way]
-    passed = times_of(lambda at: place_at(made, at), made[-1][0], way, [place for _, place in middle])
-    seconds = quantile([abs(at - when) for (at, _), (when, _) in zip(middle, passed)], 0.95)
-    return [words for words, is_worse in (("%.3f deg" % degrees, degrees > found["twin_angle"].value),
-                                          ("%.3f s" % seconds, seconds > found["twin_time"].value)) if is_worse]
-
-
 @pytest.mark.parametrize("share, jerk_time", [(0.2, 0.2), (0.7, 0.0), (1.0, 0.05), (4.0, 0.2), (1.3, 0.11)])
 @pytest.mark.parametrize("name", WAYS)
 def test_the_curve_that_is_fitted_is_the_motion_of_the_simulated_arm(share, jerk_time, name):
@@ -79,7 +65,7 @@ def test_acceleration_and_jerk_of_a_drawn_arm_are_right_or_open_and_the_stated_e
     assert share is None or share == pytest.approx(arm.move_acceleration, rel=0.15)
     assert jerk_time is None or jerk_time == pytest.approx(arm.move_jerk_time, abs=0.03)
     assert found["twin_angle"].value is not None or "otherwise" in found["twin_angle"].how
-    assert found["twin_angle"].value is None or not missed(motions, found)
+    assert found["twin_angle"].value is None or not missed(motions[BACK], found)
 
 
 def test_with_a_quick_feed_that_comes_in_time_everything_is_settled():
@@ -123,7 +109,7 @@ def test_of_an_arm_that_moves_otherwise_nothing_wrong_is_said(kind):
     if found["twin_angle"].value is None:
         assert "otherwise" in found["twin_angle"].how and found["twin_time"].value is None
     else:
-        assert not missed(motions, found)
+        assert not missed(motions[BACK], found)
     if word in ("slow", "steps"):
         assert found["move_acceleration"].value is None and found["twin_angle"].value is None
 
