@@ -15,7 +15,7 @@ from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 _WIDTH = 110
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
               "move_acceleration": 0.1, "move_jerk_time": 0.05}
-"""Differences that are chance: of times, s; of a length, as a share; of an acceleration, as a share of what was asked."""
+"""Differences that are chance: of times, s; of a length, as a share; of an acceleration, in times what was asked."""
 
 
 class ReportError(JakaError):

@@ -1,4 +1,4 @@
-"""Records of real controllers, played back: the probe finds what they hold, and invents nothing where they are silent."""
+"""Records of real controllers, played back: the probe finds what they hold, and invents nothing where they do not."""
 import contextlib
 import json
 import socket
@@ -17,7 +17,8 @@ from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.protocol.framing import ObjectStream
 
 DATA = Path(__file__).resolve().parents[1] / "data"
-RECORDS = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted((DATA / "playback").glob("*.json"))}
+RECORDS = {path.stem: json.loads(path.read_text(encoding="utf-8"))
+           for path in sorted((DATA / "playback").glob("*.json"))}
 OF_THE_PLAYER = {"polled_port", "second_status_client", "second_client", "reply_time", "reply_time_p99", "poll_rate",
                  "feed_under_polling", "feed_longest_gap", "feed_period"}
 """Facts that this program makes up itself: whom it serves, and when."""

@@ -57,7 +57,7 @@ def turned(joint, degrees, at):
     return at, tuple(angle + (math.radians(degrees) if n == joint else 0.0) for n, angle in enumerate(HOME))
 
 
-def test_a_run_that_ended_early_is_printed_and_has_not_failed_where_its_arm_rests_in_its_room(soak, monkeypatch, capsys):
+def test_a_run_that_ended_early_has_not_failed_where_its_arm_rests_in_its_room(soak, monkeypatch, capsys):
     assert run(soak, monkeypatch, [turned(5, 0.0, 50.0), turned(5, 2.0, 60.0), turned(5, 2.0, 106.0)]) == []
     assert "dialect 3 ended early, before step" in capsys.readouterr().out
 

@@ -5,9 +5,10 @@
 KILLS runs are ended at a random moment of a random step: killed, frozen for good, by SIGTERM or by Ctrl-C. DIALECTS
 runs go to their end, and what they found is compared. Each run is a drawn dialect of the simulated controller and takes
 one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, and a
-tally; exit code 1 where an arm did not rest or left its room, something is wrong and not just open, a stated error of the
-twin does not hold, or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open, these two
-do not count. A run that ends before its moment, as on a busy host, is printed and judged by the arm's own log all the same.
+tally. Exit code 1 where an arm did not rest or left its room, something is wrong and not just open, a stated error of
+the twin does not hold, or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open,
+these two do not count. A run that ends before its moment, as on a busy host, is printed, and judged by the arm's own
+log all the same.
 """
 import collections
 import concurrent.futures

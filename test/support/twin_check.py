@@ -16,7 +16,7 @@ def way_back(dialect):
 
 
 def missed(motion, found, firmware="1.7.2"):
-    """Return in what the twin of these facts is further from an arm's motion than they state, without a feed between."""
+    """Return in what the twin of these facts is further from an arm's motion than they state; no feed lies between."""
     made = way_back(Dialect.default(firmware).replaced(report.dialect_of(found)))
     true = [(at, place) for at, place in motion if 0.005 * WAY < place < 0.995 * WAY]
     degrees = quantile([abs(place - place_at(made, at)) for at, place in true], 0.95)
