@@ -11,7 +11,7 @@ Curve = List[Tuple[float, float]]
 
 SHARES = (0.2, 4.0)
 JERK_TIMES = (0.0, 0.2)
-"""Ends of what is looked for: acceleration as a share of the asked-for one, and s in which it builds up."""
+"""The ends of what is looked for: acceleration as a share of the asked-for one, and s in which it builds up."""
 LEAST_FRAMES = 8
 """Frames of the motion that a fit needs."""
 WORST_MISFIT = 0.02
@@ -19,7 +19,7 @@ WORST_MISFIT = 0.02
 _WIDEST_SHARE, _WIDEST_JERK_S = 1.4, 0.06
 """Widest ranges, as a ratio and in s, of values that fit as well: beyond them a value is not settled."""
 _LIKELY, _ROUNDING = 8.0, 0.0001
-"""What fits as well: the misfit's logarithm grows by the first over the number of frames at most, and the misfit by the
+"""The limit of what fits as well: the misfit's logarithm grows by the first over the number of frames at most, and the misfit by the
 second.
 """
 _STEP, _JERK_STEP_S, _HALVINGS = 1.12, 0.01, 6
@@ -28,7 +28,7 @@ _MOVED = 0.005
 _TABLE = 100
 
 
-class Profile(NamedTuple):
+class SCurve(NamedTuple):
     """A motion from rest to rest: way in deg, speed in deg/s, acceleration in deg/s2, jerk_time in s."""
 
     way: float
@@ -37,7 +37,7 @@ class Profile(NamedTuple):
     jerk_time: float
 
     @classmethod
-    def of(cls, way: float, speed: float, acceleration: float, jerk_time: float) -> "Profile":
+    def of(cls, way: float, speed: float, acceleration: float, jerk_time: float) -> "SCurve":
         """Return the motion with these limits; where the speed is reached before the acceleration is, with a lower one.
 
         Acceleration grows at ``acceleration / jerk_time`` all the same.
@@ -58,7 +58,7 @@ class Profile(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """From rest to rest, s."""
+        """The time from rest to rest, s."""
         return self.way / self.peak + self.peak / self.acceleration + self.jerk_time
 
     def at(self, seconds: float) -> float:
@@ -99,7 +99,7 @@ class Profile(NamedTuple):
         return found + (self.way * (seconds - total) if seconds > total else 0.0)
 
 
-class Motion(NamedTuple):
+class SeenMotion(NamedTuple):
     """One motion from rest to rest as a feed showed it, all frames from before to after it, and what was asked for.
 
     Attributes:
@@ -178,12 +178,12 @@ def times_of(at: Callable[[float], float], duration: float, way: float,
     return found
 
 
-def fitted(motions: Sequence[Motion]) -> Optional[Fit]:
+def fitted(motions: Sequence[SeenMotion]) -> Optional[Fit]:
     """Return the S-curve that fits frames of motions from rest to rest; None where they are too few, or none fits.
 
     A slow acceleration shows its share, a fast one the time in which it builds up; each motion begins when it likes.
     """
-    prepared: List[Tuple[float, Motion, Curve]] = []
+    prepared: List[Tuple[float, SeenMotion, Curve]] = []
     for motion in motions:
         whole = progress(motion.curve) if len(motion.curve) > 2 else [(0.0, 0.0)]
         points = sorted(moving(whole), key=lambda point: point[1])
@@ -195,7 +195,7 @@ def fitted(motions: Sequence[Motion]) -> Optional[Fit]:
         """Return the mean distance of the frames from the best S-curves of these, as a share of the way."""
         found = 0.0
         for way, motion, points in prepared:
-            one = Profile.of(way, motion.speed, share * motion.acceleration, jerk_time)
+            one = SCurve.of(way, motion.speed, share * motion.acceleration, jerk_time)
             passed = times_of(one.at, one.duration, way, [place for _, place in points])
             delay = _delay(points, passed)
             found += sum(abs(place - one.at(at - delay)) for at, place in points) / (len(points) * way)
@@ -223,12 +223,12 @@ def fitted(motions: Sequence[Motion]) -> Optional[Fit]:
                (min(row[2] for row in near), max(row[2] for row in near)))
 
 
-def delay_of(motion: Motion, fit: Fit) -> float:
+def delay_of(motion: SeenMotion, fit: Fit) -> float:
     """Return when a motion began, on its curve's clock, s."""
     whole = progress(motion.curve)
     way = whole[-1][1]
     points = sorted(moving(whole), key=lambda point: point[1])
-    one = Profile.of(way, motion.speed, fit.share * motion.acceleration, fit.jerk_time)
+    one = SCurve.of(way, motion.speed, fit.share * motion.acceleration, fit.jerk_time)
     return _delay(points, times_of(one.at, one.duration, way, [place for _, place in points]))
 
 

@@ -1,4 +1,4 @@
-"""What names an arm, a computer or a person in a report that is to be sent to others."""
+"""The search for what names an arm, a computer or a person in a report that is to be sent to others."""
 import re
 from typing import Any, Dict, Iterator, List, Tuple
 

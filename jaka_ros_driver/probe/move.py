@@ -25,7 +25,7 @@ from jaka_ros_driver.probe.fit import Curve
 from jaka_ros_driver.probe.motion import CYCLE_S, REST_RAD, ROOM_RAD, MotionEnded, Mover, Seen
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.set_same import StageEnded, Tell
-from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, Asked
+from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.state import RobotState, unrest
@@ -64,9 +64,9 @@ _NEAR = deg_to_rad(0.05)
 _TRIES, _CLEAR_S = 3, 0.02
 """Most measurements of a short time, until its least and its greatest value differ by less than this, s."""
 
-ASKED = {MOVE: Asked(rad_to_deg(SLOW), rad_to_deg(ACCELERATION)), OUT: Asked(rad_to_deg(MEDIUM), rad_to_deg(GENTLE)),
-         BACK: Asked(rad_to_deg(MEDIUM), rad_to_deg(GENTLE)), STOP: Asked(rad_to_deg(MEDIUM), rad_to_deg(ACCELERATION))}
-"""What the motions were asked to do whose curves are kept."""
+ASKED = {name: AskedMotion(rad_to_deg(speed), rad_to_deg(acceleration)) for name, speed, acceleration in (
+    (MOVE, SLOW, ACCELERATION), (OUT, MEDIUM, GENTLE), (BACK, MEDIUM, GENTLE), (STOP, MEDIUM, ACCELERATION))}
+"""The speeds and accelerations that were asked for in the motions whose curves are kept."""
 
 
 class MoveStep(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.fit import LEAST_FRAMES, Curve, Fit, Motion, delay_of, fitted, progress, times_of
+from jaka_ros_driver.probe.fit import LEAST_FRAMES, Curve, Fit, SeenMotion, delay_of, fitted, progress, times_of
 from jaka_ros_driver.probe.recorded import quantile
 from jaka_ros_driver.probe.report import dialect_of, firmware_of
 from jaka_ros_driver.simulation.arm.moves import braking_share
@@ -28,22 +28,22 @@ _MIDDLE = 0.1
 _DEFAULT_MODEL = "zu7"
 
 
-class Asked(NamedTuple):
-    """What a motion was asked to do: deg/s, deg/s2."""
+class AskedMotion(NamedTuple):
+    """The speed and the acceleration that a motion was asked for: deg/s, deg/s2."""
 
     speed: float
     acceleration: float
 
 
-class Gap(NamedTuple):
-    """How far two motions are apart, in 95 of 100 frames: deg, s; and the way of them, deg."""
+class TwinGap(NamedTuple):
+    """The distance of two motions, in 95 of 100 frames: deg, s; and their way, deg."""
 
     degrees: float
     seconds: float
     way: float
 
 
-def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, Asked]) -> Facts:
+def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMotion]) -> Facts:
     """Return what the curves say of acceleration and jerk, and how far the twin of these facts is from the arm.
 
     Args:
@@ -51,7 +51,7 @@ def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, Asked]) 
         curves: Those of the stage move: s, deg.
         asked: What each was asked to do.
     """
-    motions = [Motion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
+    motions = [SeenMotion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
     fit = fitted(motions) if len(motions) == 2 else None
     found = _fit_facts(fit, motions)
     if fit is not None and fit.has_share:
@@ -75,7 +75,7 @@ def _rounded_up(value: float, step: float) -> float:
     return round(math.ceil(value / step) * step, 6)
 
 
-def _fit_facts(fit: Optional[Fit], motions: Sequence[Motion]) -> Facts:
+def _fit_facts(fit: Optional[Fit], motions: Sequence[SeenMotion]) -> Facts:
     if fit is None:
         why = ("no acceleration and jerk fit the curves of two moves, or one has fewer than %d frames" % LEAST_FRAMES
                if len(motions) == 2 else "two moves were not seen whole")
@@ -89,7 +89,7 @@ def _fit_facts(fit: Optional[Fit], motions: Sequence[Motion]) -> Facts:
                 None, "%s; %s" % (how, jerks))}
 
 
-def _gaps(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, Asked]) -> List[Gap]:
+def _gaps(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMotion]) -> List[TwinGap]:
     """Return the gaps of the way back, and where it was seen of the stop."""
     firmware = firmware_of(facts)
     if not firmware or len(curves.get(BACK, ())) < LEAST_FRAMES:
@@ -108,7 +108,7 @@ def _gaps(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, Asked]) -> Li
     return [one for one in gaps if one is not None]
 
 
-def twin_motion(dialect: Dialect, model: str, stop_deceleration: Optional[float], way: float, asked: Asked,
+def twin_motion(dialect: Dialect, model: str, stop_deceleration: Optional[float], way: float, asked: AskedMotion,
                 stop_at: Optional[float]) -> Curve:
     """Return a motion of joint 6 of the simulated arm from its acceptance, or from where it is stopped: s, deg.
 
@@ -149,7 +149,7 @@ def place_at(curve: Sequence[Tuple[float, float]], at: float) -> float:
     return p0 + (p1 - p0) * (at - t0) / (t1 - t0) if t1 > t0 else p1
 
 
-def gap(seen: Sequence[Tuple[float, float]], made: Sequence[Tuple[float, float]]) -> Optional[Gap]:
+def gap(seen: Sequence[Tuple[float, float]], made: Sequence[Tuple[float, float]]) -> Optional[TwinGap]:
     """Return how far frames are from a motion on the same clock; None where no frame shows the motion.
 
     Args:
@@ -169,7 +169,7 @@ def gap(seen: Sequence[Tuple[float, float]], made: Sequence[Tuple[float, float]]
     passed = times_of(lambda seconds: place_at(made, begin + seconds) - made[0][1], duration, way,
                       [place - made[0][1] for place, _ in middle]) if middle else []
     times = [abs(at - begin - when) for (_, at), (when, _) in zip(middle, passed)]
-    return Gap(_bound(distances), _bound(times) + CYCLE_TIME_S, last - first)  # how old a frame was is not known
+    return TwinGap(_bound(distances), _bound(times) + CYCLE_TIME_S, last - first)  # how old a frame was is not known
 
 
 def _bound(values: Sequence[float]) -> float:

@@ -7,7 +7,7 @@ from twin_check import missed
 
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.facts import Fact
-from jaka_ros_driver.probe.fit import Profile
+from jaka_ros_driver.probe.fit import SCurve
 from jaka_ros_driver.probe.move import ASKED
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, place_at, progress, twin_facts, twin_motion
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG
@@ -49,7 +49,7 @@ def true_motions(arm, delay=0.0):
 @pytest.mark.parametrize("name", WAYS)
 def test_the_curve_that_is_fitted_is_the_motion_of_the_simulated_arm(share, jerk_time, name):
     made, asked = twin_motion(dialect(share, jerk_time), "zu7", None, WAYS[name], ASKED[name], None), ASKED[name]
-    curve = Profile.of(WAYS[name], asked.speed, share * asked.acceleration, jerk_time)
+    curve = SCurve.of(WAYS[name], asked.speed, share * asked.acceleration, jerk_time)
     assert max(abs(curve.at(at) - place) for at, place in made) < 0.004
     assert made[-1][1] == pytest.approx(WAYS[name]) and curve.at(curve.duration) == pytest.approx(WAYS[name])
 
@@ -89,7 +89,7 @@ def lagging(motion, seconds):
 
 def lopsided(way, asked, slower):
     """Return a motion that slows down at a share of the acceleration with which it began."""
-    whole = Profile.of(way, asked.speed, asked.acceleration, 0.0)
+    whole = SCurve.of(way, asked.speed, asked.acceleration, 0.0)
     half = [(0.008 * n, whole.at(0.008 * n)) for n in range(int(whole.duration / 0.008) + 2)]
     middle = 0.5 * whole.duration
     return [(at if at < middle else middle + (at - middle) / slower, place) for at, place in half]

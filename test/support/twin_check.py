@@ -1,4 +1,4 @@
-"""Is the stated error of a twin true? The arm's own motion beside that of the simulated arm of its report."""
+"""The truth of the stated error of a twin: the arm's own motion beside that of the simulated arm of its report."""
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.fit import times_of
 from jaka_ros_driver.probe.move import ASKED
@@ -7,7 +7,7 @@ from jaka_ros_driver.probe.twin import BACK, place_at, twin_motion
 from jaka_ros_driver.simulation.dialect.table import Dialect
 
 WAY = 2.5
-"""Of the motion that is compared, deg."""
+"""The way of the motion that is compared, deg."""
 
 
 def way_back(dialect):
