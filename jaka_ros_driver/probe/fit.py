@@ -19,8 +19,8 @@ WORST_MISFIT = 0.02
 _WIDEST_SHARE, _WIDEST_JERK_S = 1.4, 0.06
 """Widest ranges, as a ratio and in s, of values that fit as well: beyond them a value is not settled."""
 _LIKELY, _ROUNDING = 8.0, 0.0001
-"""The limit of what fits as well: the misfit's logarithm grows by the first over the number of frames at most, and the misfit by the
-second.
+"""Limits of what fits as well: the misfit's logarithm grows by the first over the number of frames at most, the
+misfit by the second.
 """
 _STEP, _JERK_STEP_S, _HALVINGS = 1.12, 0.01, 6
 _MOVED = 0.005
