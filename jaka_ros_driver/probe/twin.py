@@ -22,6 +22,8 @@ WITHIN = 0.95
 """Share of the frames that are within the stated error."""
 POOR_SHARE = 0.1
 """Error, as a share of the way, beyond which the twin is called otherwise."""
+_SAME_DELAY_S = 0.15
+"""Largest difference, s, of beginnings that tell the same delay."""
 _LONGEST_S = 60.0
 _MIDDLE = 0.1
 """Share of the way, at both ends, that is too slow to tell a time by."""
@@ -54,9 +56,9 @@ def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMot
     motions = [SeenMotion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
     fit = fitted(motions) if len(motions) == 2 else None
     found = _fit_facts(fit, motions)
-    if fit is not None and fit.has_share:
-        began = delay_of(motions[0], fit)
-        found["start_delay"] = Fact(round(max(0.0, began), 3), "where the curve of a move begins, after the reply")
+    if fit is not None and fit.has_share and len(curves.get(BACK, ())) > 2:
+        found["start_delay"] = _start_delay(facts, [
+            max(0.0, delay_of(motion, fit)) for motion in (motions[0], SeenMotion(curves[BACK], *asked[BACK]))])
     gaps = _gaps({**facts, **found}, curves, asked)
     if not gaps:
         why = Fact(None, "the motions to compare with were not seen whole, or no firmware is near")
@@ -69,6 +71,17 @@ def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMot
         return {**found, "twin_angle": why, "twin_time": why}
     return {**found, "twin_angle": Fact(_rounded_up(degrees, 0.001), how),
             "twin_time": Fact(_rounded_up(seconds, 0.001), how)}
+
+
+def _start_delay(facts: Facts, begun: Sequence[float]) -> Fact:
+    """Return the start delay by the beginnings, s, of two curves, and by the fact that was found before."""
+    before = facts.get("start_delay", Fact(None, "")).value
+    values = [*begun, *([before] if before is not None else [])]
+    how = "where the curves of two moves begin after the reply, and where a frame first showed a third: %s s" % (
+        ", ".join("%.3f" % value for value in values))
+    if max(values) - min(values) > _SAME_DELAY_S:
+        return Fact(None, how + "; this computer or the network is busy")
+    return Fact(round(min(values), 3), how)
 
 
 def _rounded_up(value: float, step: float) -> float:

@@ -124,6 +124,16 @@ def test_what_was_not_seen_is_not_settled():
     assert twin_facts({}, whole, ASKED)["twin_angle"].value is None, "no firmware, no twin"
 
 
+@pytest.mark.parametrize("late, told", [({}, 0.2), ({BACK: 0.6}, None), ({OUT: 0.6}, None), ({OUT: 0.05}, 0.2)])
+def test_a_delay_that_a_busy_host_made_is_none(late, told):
+    chance, motions = random.Random(4), true_motions(dialect(start_delay=0.2))
+    curves = {name: [(at + late.get(name, 0.0), place) for at, place in frames_of(motion, chance, 0.03, 0.0005)]
+              for name, motion in motions.items()}
+    found = twin_facts({**PROBED, "start_delay": Fact(0.21, "a frame first showed it")}, curves, ASKED)["start_delay"]
+    assert found.value == (told if told is None else pytest.approx(told, abs=0.02)), found
+    assert told is not None or "busy" in found.how
+
+
 def test_the_stop_counts_too():
     chance, motions = random.Random(2), true_motions(dialect())
     curves = {name: frames_of(motion, chance, 0.016, 0.0005) for name, motion in motions.items()}
