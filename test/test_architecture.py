@@ -55,7 +55,8 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
                                        "simulation.controller"},
         "ros": DOMAIN | {"clearance", "kinematics", "protocol", "trajectory", "client", "audit"},
         "doctor": DOMAIN | {"", "kinematics", "protocol", "client", "ros"},
-        "probe": DOMAIN | {"", "kinematics", "protocol", "client", "wire", "simulation.dialect", "ros"},
+        "probe": DOMAIN | {"", "kinematics", "protocol", "client", "wire", "simulation.arm", "simulation.dialect",
+                           "ros"},
     }),
     **rooms("jaka_bag", {
         "": CONTAINERS | {"operations"},  # the names it lends to programs

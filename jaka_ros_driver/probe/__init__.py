@@ -7,7 +7,10 @@ ask                 the stage that reads values on the command port; ``QUESTIONS
 set_same            the stage that sets values to what they are; ``SETTINGS`` and ``READ_BACK`` are all that it sends
 move                the stage that moves one joint a little; ``MOVES`` is all that it sends, besides what stops the arm
 motion              the arm while it moves: its room, custody, the guard process
+fit, twin           how the arm accelerates, and how far the simulated one that is made of the report is from it
 person              questions to whoever is at the terminal
+statements          what docs/controller-protocol.md says, and whether the facts confirm it
+identity            what names an arm, a computer or a person in a report
 page                the report as a page for a browser
 report              the report as text and as JSON, two of them compared
 program             options, the order of the stages, files

@@ -142,7 +142,8 @@ def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[H
     facts.update(_reply_facts(replies))
     facts["model"] = _model(feed, replies)
     tell("two questions as one piece, one in two pieces, a name that nobody knows")
-    facts.update(_framing_facts(asked))
+    answers_all = all(reply.content is not None for reply in replies.values())
+    facts.update(_framing_facts(asked, answers_all))
     tell("get_joint_pos for %.0f s, again as soon as it is answered" % _POLLED_S)
     facts.update(_polling_facts(asked, feed))
     tell("a second connection to the command port, beside the first")
@@ -152,7 +153,7 @@ def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[H
             one.connection.close()
     time.sleep(_SHORT_S)  # a controller that serves one client must have seen the end of that one
     tell("%s, which is no JSON, on a connection of its own" % MALFORMED.decode())
-    facts["malformed"] = _malformed(record, command_port)
+    facts["malformed"] = _malformed(record, command_port, answers_all)
 
 
 def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
@@ -170,15 +171,22 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
         "reply_time": Fact(round(quantile(times, 0.5), 5), how, "%.4f to %.4f" % (min(times), max(times))),
         "error_code": _choice({str: "text", int: "number"}, codes, how),
         "reply_fields_unknown": Fact(extra, how),
-        "commands_missing": Fact(missing, how),
+        "commands_missing": Fact(missing, how) if len(contents) == len(replies) else Fact(
+            None, "%s; code 1: %s" % (how, ", ".join(missing) or "none")),
         "version": _text(known.get("get_version", {}).get("version"), "as it answers"),
         "robot_state": _robot_state(known.get("get_robot_state", {})),
         "sensitivity_key": _sensitivity_key(known.get("get_clsn_sensitivity", {}))}
-    period = known.get("get_port10000_delay_ms", {}).get("port10000_delay_ms")
-    facts["feed_period_told"] = (Fact(round(period / 1000.0, 4), "as it answers")
-                                 if isinstance(period, (int, float)) and not isinstance(period, bool)
-                                 else Fact(None, "it does not answer with a number"))
+    facts["feed_period_told"] = _told_period(known.get("get_port10000_delay_ms", {}).get("port10000_delay_ms"))
     return facts
+
+
+def _told_period(value: Any) -> Fact:
+    """Return the period, s, of an answer in ms, which may be a text of digits."""
+    if isinstance(value, str) and value.isdigit() and len(value) < 7:
+        value = int(value)
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return Fact(None, "it does not answer with a number")
+    return Fact(round(value / 1000.0, 4), "as it answers")
 
 
 def code_of(content: JsonObject) -> str:
@@ -227,18 +235,25 @@ def frames_of(query: Query, reply: Optional[JsonObject]) -> Optional[Tuple[Pose,
         return None
 
 
-def _framing_facts(asked: Questioner) -> Facts:
+def _framing_facts(asked: Questioner, answers_all: bool) -> Facts:
+    """Return what becomes of odd requests.
+
+    answers_all: Every question was answered; without that, silence does not tell anything of these.
+    """
     name = "get_version"
     question = encode_object({"cmdName": name})
     begun = time.monotonic()
     answers = [asked.send(question + question, name, _SHORT_S), asked.next(name, begun, _SHORT_S)]
     count = sum(answer.content is not None for answer in answers)
-    facts = {"two_in_one_segment": Fact(count, "within %.0f s" % _SHORT_S)}
+    facts = {"two_in_one_segment": Fact(count if count or answers_all and not asked.connection.is_closed else None,
+                                        "%d answers within %.0f s" % (count, _SHORT_S))}
     if asked.connection.is_closed or not asked.connection.send(question[:9]):
         return {**facts, "cut_in_two": Fact(None, "the connection was closed")}
     time.sleep(0.1)
     whole = asked.send(question[9:], name, _SHORT_S)
-    facts["cut_in_two"] = Fact(whole.content is not None, "within %.0f s" % _SHORT_S)
+    is_answered = whole.content is not None
+    facts["cut_in_two"] = Fact(is_answered if is_answered or answers_all and not asked.connection.is_closed else None,
+                               "%s within %.0f s" % (_words(whole, asked), _SHORT_S))
     odd = asked.ask(UNKNOWN_COMMAND, _SHORT_S)
     facts["unknown_command"] = Fact(None, "no answer within %.0f s" % _SHORT_S) if odd.content is None else Fact(
         "code %s%s" % (code_of(odd.content), ", which names it" if odd.content.get("cmdName") else ", without a name"),
@@ -288,7 +303,7 @@ def _words(reply: TimedReply, asked: Questioner) -> str:
     return "answered" if reply.content is not None else "closed" if asked.connection.is_closed else "silent"
 
 
-def _malformed(record: ConnectionLog, port: int) -> Fact:
+def _malformed(record: ConnectionLog, port: int, answers_all: bool) -> Fact:
     try:
         asked = Questioner(record.connect("command", port))
     except OSError as error:
@@ -297,6 +312,7 @@ def _malformed(record: ConnectionLog, port: int) -> Fact:
         reply = asked.send(MALFORMED, "get_version", _SHORT_S)
         words = _words(reply, asked)
         after = asked.ask("get_version", _SHORT_S)
-        return Fact({"silent": "ignored"}.get(words, words), "a question after it is %s" % _words(after, asked))
+        fate = words if words != "silent" else "ignored" if answers_all else None
+        return Fact(fate, "it is %s, a question after it %s" % (words, _words(after, asked)))
     finally:
         asked.connection.close()

@@ -90,6 +90,9 @@ DESCRIBED: Dict[str, Described] = {
                                "io_index_base"),
     "io_terminal": Described(_SET, "label of the terminal that `--output` switched, as a person saw it", "", "5.11"),
     "start_delay": Described(_MOVE, "from the acceptance of a move to its beginning", "s", "2", "start_delay"),
+    "move_acceleration": Described(_MOVE, "acceleration of a move, as a share of what was asked for", "times", "5.2",
+                                   "move_acceleration"),
+    "move_jerk_time": Described(_MOVE, "how long that acceleration builds up", "s", "5.4.3", "move_jerk_time"),
     "inpos": Described(_MOVE, "when `inpos` is true: at rest (exact), already in motion (early), later, never", "",
                        "6.2", "inpos"),
     "stop_ends_move": Described(_MOVE, "`stop_program` ends a move", "", "5.4.4"),
@@ -108,6 +111,8 @@ DESCRIBED: Dict[str, Described] = {
     "servo_leave_delay": Described(_MOVE, "from the acceptance of leaving servo mode until it is off", "s", "5.6.1",
                                    "servo_leave_delay"),
     "stop_ends_servo": Described(_MOVE, "`stop_program` ends a servo stream", "", "5.6.1", "stop_ends_servo"),
+    "twin_angle": Described(_MOVE, "a simulated controller made of this report is that near to this arm", "deg", "5.2"),
+    "twin_time": Described(_MOVE, "and that near in time", "s", "5.2"),
     "room": Described(_MOVE, "largest distance of the tool from where the stage began", "mm", "5.2"),
 }
 """All facts, in the order of the report."""

@@ -5,7 +5,7 @@ rest; then the joint goes back to where it was.
 """
 import math
 import time
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import (
     ClearError,
@@ -21,9 +21,11 @@ from jaka_ros_driver.commands import (
     Stop,
 )
 from jaka_ros_driver.probe.facts import Fact, Facts
+from jaka_ros_driver.probe.fit import Curve
 from jaka_ros_driver.probe.motion import CYCLE_S, REST_RAD, ROOM_RAD, MotionEnded, Mover, Seen
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.set_same import StageEnded, Tell
+from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.state import RobotState, unrest
@@ -46,7 +48,8 @@ MOVED_RAD = 2e-4
 """Change, rad, of a joint that has begun to move."""
 SLOW, MEDIUM, JOG_SPEED = deg_to_rad(2.0), deg_to_rad(3.0), deg_to_rad(1.5)
 """Speeds of moves and jogs, rad/s; 5 % of the slowest joint of any model is more."""
-ACCELERATION = deg_to_rad(60.0)
+ACCELERATION, GENTLE = deg_to_rad(60.0), deg_to_rad(4.0)
+"""Accelerations of moves, rad/s2; the second is so small that frames show how it builds up."""
 LONGEST_DELAY_S = 25.0
 """Longest wait, s, for an accepted motion to begin."""
 GAPS_MS = (8, 16, 40, 100)
@@ -61,8 +64,9 @@ _NEAR = deg_to_rad(0.05)
 _TRIES, _CLEAR_S = 3, 0.02
 """Most measurements of a short time, until its least and its greatest value differ by less than this, s."""
 
-Curve = List[Tuple[float, float]]
-"""Points of a curve: s, deg."""
+ASKED = {name: AskedMotion(rad_to_deg(speed), rad_to_deg(acceleration)) for name, speed, acceleration in (
+    (MOVE, SLOW, ACCELERATION), (OUT, MEDIUM, GENTLE), (BACK, MEDIUM, GENTLE), (STOP, MEDIUM, ACCELERATION))}
+"""The speeds and accelerations that were asked for in the motions whose curves are kept."""
 
 
 class MoveStep(NamedTuple):
@@ -93,9 +97,9 @@ class Moving:
         """Return the position, rad, so many degrees from home, in the direction of zero."""
         return self.home + self._sign * deg_to_rad(degrees)
 
-    def move(self, degrees: float, speed: float) -> float:
+    def move(self, degrees: float, speed: float, acceleration: float = ACCELERATION) -> float:
         """Begin a move to so many degrees from home; return when it was accepted, monotonic s."""
-        self.arm.require(JointMove(self.arm.joints(self.place(degrees)), speed, ACCELERATION))
+        self.arm.require(JointMove(self.arm.joints(self.place(degrees)), speed, acceleration))
         return time.monotonic()
 
     def jog(self) -> None:
@@ -153,8 +157,20 @@ def _first_move(it: Moving) -> None:
                                    "joint 6 was first seen to move %.3f s after the reply" % (began - accepted))
     it.arm.wait(10.0, lambda: it.arm.has_rested(_REST_S, began + _REST_S))
     it.arm.wait(_LATE_INPOS_S)
-    it.curves["move"] = _curve(it.arm.seen, began, it.home)
+    it.curves[MOVE] = _curve(it.arm.seen, began, it.home)
     it.facts["inpos"] = inpos_fact(it.arm.seen, began)
+
+
+def _profile(it: Moving) -> None:
+    for name, degrees in ((OUT, 2.5), (BACK, 0.0)):
+        accepted = it.move(degrees, MEDIUM, GENTLE)
+        begun, target = it.arm.position, it.place(degrees)
+        if not it.arm.wait(LONGEST_DELAY_S + 8.0, lambda: abs(it.arm.position - target) <= _NEAR  # noqa: B023
+                           and it.arm.has_rested(_REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+            raise MotionEnded("it did not arrive")
+        frames = [one for one in it.arm.seen if one.at >= accepted]
+        moved_at = next((one.at for one in frames if abs(one.position - begun) >= MOVED_RAD), accepted)
+        it.curves[name] = _curve([one for one in frames if one.at >= moved_at - 2.0 * _REST_S], accepted, it.home)
 
 
 def inpos_fact(seen: Sequence[Seen], began: float) -> Fact:
@@ -185,7 +201,7 @@ def _stop_move(it: Moving) -> None:
     at = time.monotonic()
     it.arm.require(Stop())
     it.arm.wait(2.0, lambda: it.arm.has_rested(_REST_S, at))
-    it.curves["stop"] = _curve(it.arm.seen, at, it.home)
+    it.curves[STOP] = _curve(it.arm.seen, at, it.home)
     facts = stop_facts(it.arm.seen, at)
     if abs(it.arm.position - it.place(2.5)) <= _NEAR:
         facts = {"stop_ends_move": Fact(False, "the move went on to its end")}
@@ -356,6 +372,8 @@ def _long_frame(it: Moving) -> bytes:
 STEPS: Tuple[MoveStep, ...] = (
     MoveStep("moves joint 6 by 2 deg at 2 deg/s: when does it begin, when is inpos true?", ("start_delay", "inpos"),
          _first_move),
+    MoveStep("moves it by 2.5 deg and back at 3 deg/s, accelerating at 4 deg/s2: how does its acceleration build up?",
+             (), _profile),
     MoveStep("moves it by 2.5 deg at 3 deg/s and stops it after 0.8 deg by stop_program: how long does that take?",
          ("stop_ends_move", "stop_time", "stop_distance", "stop_deceleration"), _stop_move),
     MoveStep("jogs it at 1.5 deg/s and sends stop_program after 0.5 deg: does that end a jog?", ("stop_ends_jog",),

@@ -1,9 +1,10 @@
 """The report of a probe as one page: no script, nothing from elsewhere, every text escaped."""
 import html
-from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Iterator, List, Mapping, Sequence
 
 from jaka_ros_driver.probe.facts import DESCRIBED, Facts
 from jaka_ros_driver.probe.report import differences, firmware_of, words
+from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #1a1a1a; }
@@ -16,47 +17,9 @@ svg { max-width: 100%; height: auto; }
 """
 _WIDTH, _HEIGHT, _MARGIN = 640, 240, 44
 _TITLES = {"move": "Joint 6 in a move of 2 deg, from its first motion on",
+           "out": "Joint 6 in a move of 2.5 deg that accelerates slowly; 0 s is its acceptance",
+           "back": "The same on its way back, with which the simulated controller is compared",
            "stop": "Joint 6 in a move that is stopped; 0 s is when stop_program was sent"}
-
-
-class Statement(NamedTuple):
-    """One statement of docs/controller-protocol.md that a fact confirms or contradicts.
-
-    Attributes:
-        says: The statement.
-        section: Where it stands.
-        is_so: Takes the settled value; returns whether it agrees.
-    """
-
-    says: str
-    section: str
-    is_so: Callable[[Any], bool]
-
-
-STATEMENTS: Dict[str, Statement] = {
-    "error_code": Statement("`errorCode` is a text", "4.3", lambda value: value == "text"),
-    "unknown_command": Statement("a command that nobody knows is answered with code 1", "4.3",
-                                 lambda value: str(value).startswith("code 1")),
-    "drag_command": Statement("`torque_control_enable` switches hand guiding", "14",
-                              lambda value: value == "torque_control_enable"),
-    "user_frame_key": Statement("the key of a user frame is `userffset`", "14",
-                                lambda value: value in ("userffset", "either")),
-    "sensitivity_key": Statement("`get_clsn_sensitivity` answers `sensitivityLevel`", "14",
-                                 lambda value: value in ("sensitivityLevel", "both")),
-    "model": Statement("a model of the line has the arm's kinematics", "4.2", bool),
-    "stop_ends_move": Statement("`stop_program` ends a running motion", "5.4.4", bool),
-    "starvation": Statement("the arm holds the last target of a servo stream that starves", "5.6.5",
-                            lambda value: value == "hold"),
-    "servo_leave_delay": Statement("servo mode lasts for a cycle or more after it was left", "5.6.1",
-                                   lambda value: value >= 0.004),
-}
-"""Statements of documents on some facts; where documents contradict each other, there is no entry."""
-
-
-def contradicted(facts: Facts) -> List[Tuple[str, Statement]]:
-    """Return the statements that settled facts contradict, by the names of these facts."""
-    return [(name, statement) for name, statement in STATEMENTS.items()
-            if name in facts and facts[name].value is not None and not statement.is_so(facts[name].value)]
 
 
 def page(content: Mapping[str, Any], facts: Facts) -> str:
@@ -77,16 +40,15 @@ def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
         yield '<h2>Not set back</h2><ul class="warn">%s</ul>' % "".join(
             "<li>%s</li>" % _text(line) for line in content["not_set_back"])
     settled = [name for name in DESCRIBED if name in facts and facts[name].value is not None]
-    wrong = contradicted(facts)
+    judged = verdicts(facts)
+    rows = _statement_rows(facts, [number for number in STATEMENTS if judged[number] is Verdict.CONTRADICTED])
     yield "<h2>Contradicts the documents</h2>"
-    yield _table(("the documents say", "found", ""), [
-        ("%s (section %s)" % (statement.says, statement.section), _value(facts, name), facts[name].how)
-        for name, statement in wrong]) if wrong else "<p>Nothing that was looked for.</p>"
+    yield _table(("the documents say", "found", ""), rows) if rows else "<p>Nothing that was looked for.</p>"
     firmware = firmware_of(facts)
     if firmware:
-        rows = differences(facts, firmware)
+        lines = differences(facts, firmware)
         yield "<h2>Otherwise than the simulated controller of firmware %s</h2>" % _text(firmware)
-        yield "<ul>%s</ul>" % "".join("<li>%s</li>" % _text(row.strip()) for row in rows) if rows else (
+        yield "<ul>%s</ul>" % "".join("<li>%s</li>" % _text(line.strip()) for line in lines) if lines else (
             "<p>Nothing that was looked for.</p>")
     for name, points in content["curves"].items():
         yield "<h2>%s</h2>%s" % (_text(_TITLES.get(name, name)), curve(points))
@@ -97,6 +59,22 @@ def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
     yield "<h2>Not settled</h2>"
     yield _table(("what", "why"), [(DESCRIBED[name].meaning, facts[name].how)
                                    for name in DESCRIBED if name in facts and name not in settled])
+    yield "<h2>Confirms the documents</h2>"
+    yield _table(("the documents say", "found", ""), _statement_rows(
+        facts, [number for number in STATEMENTS if judged[number] is Verdict.CONFIRMED]))
+    yield "<h2>Statements of the documents that were not seen</h2>"
+    yield _table(("the documents say",), [
+        (_statement(number),) for number in STATEMENTS if judged[number] is Verdict.NOT_SEEN])
+
+
+def _statement(number: str) -> str:
+    one = STATEMENTS[number]
+    return "%s, section %s [%s]: %s" % (number, one.section, one.tag, one.says)
+
+
+def _statement_rows(facts: Facts, numbers: Sequence[str]) -> List[Sequence[str]]:
+    return [(_statement(number), "; ".join(_value(facts, name) for name in STATEMENTS[number].facts),
+             facts[STATEMENTS[number].facts[-1]].how) for number in numbers]
 
 
 def _value(facts: Facts, name: str) -> str:

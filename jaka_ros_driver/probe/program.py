@@ -5,7 +5,7 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List, Optional
+from typing import Any, Dict, Iterator, List, Optional
 
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.commands import Query
@@ -13,13 +13,16 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask, frames_of
 from jaka_ros_driver.probe.facts import Fact, Facts, ProbeStage
+from jaka_ros_driver.probe.fit import Curve
+from jaka_ros_driver.probe.identity import identity_in
 from jaka_ros_driver.probe.look import HeardFeed, listen, look
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover
-from jaka_ros_driver.probe.move import AXIS, MOVES, Curve, move, why_not
+from jaka_ros_driver.probe.move import ASKED, AXIS, MOVES, move, why_not
 from jaka_ros_driver.probe.page import page
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.probe.set_same import HOLD_S, SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
+from jaka_ros_driver.probe.twin import twin_facts
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import DriverLock, holder_of
 from jaka_ros_driver.state import unrest
@@ -103,6 +106,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     try:
         if options.address == "explain":
             content = report.read(options.files[0])
+            _print_identity(content)
             print("\n".join(report.text(report.facts_of(content), report.left_of(content))))
             return 0
         if options.address == "diff":
@@ -267,6 +271,11 @@ class _Run:
 
     def write(self, folder: Path, is_whole: bool) -> None:
         """Write and print the report, and write the log of the wire."""
+        if ProbeStage.MOVE in self._done:
+            self._facts.update(twin_facts(self._facts, self._curves, ASKED))
+        if not self._options.keep_identity:
+            self._facts = {name: fact._replace(how=fact.how.replace(self._options.address, "x"))
+                           for name, fact in self._facts.items()}
         lines = report.text(self._facts, self._back.left)
         print("\n".join(["", *lines]), flush=True)
         (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -278,8 +287,15 @@ class _Run:
         left_out = "; the last %d bytes that came are not in %s" % (
             self.record.left_out, WIRE) if self.record.left_out else ""
         _tell("written to %s: %s%s" % (folder, ", ".join(_FILES), left_out))
+        if not self._options.keep_identity:
+            _print_identity(content)
         if report.firmware_of(self._facts):
             _tell("a simulated controller like it: jaka_sim --like %s" % (folder / REPORT))
+
+
+def _print_identity(content: Dict[str, Any]) -> None:
+    for line in identity_in(content):
+        _tell("look at this before you send it to somebody: %s" % line)
 
 
 def _tell(line: str) -> None:

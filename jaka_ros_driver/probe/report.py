@@ -7,13 +7,15 @@ from typing import Any, Dict, List, Mapping, Sequence
 from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
+from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
 from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMAT
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
 _WIDTH = 110
-_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02}
-"""Differences that are chance: of times, s; of a length, as a share."""
+_LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
+              "move_acceleration": 0.1, "move_jerk_time": 0.05}
+"""Differences that are chance: of times, s; of a length, as a share; of an acceleration, in times what was asked."""
 
 
 class ReportError(JakaError):
@@ -36,7 +38,9 @@ def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool, left: Se
         "is_whole": is_whole, "not_set_back": list(left), "firmware": firmware_of(facts),
         "curves": dict(curves), "dialect": dialect_of(facts),
         "facts": {name: dict(facts[name]._asdict(), unit=DESCRIBED[name].unit, meaning=DESCRIBED[name].meaning)
-                  for name in DESCRIBED if name in facts}}
+                  for name in DESCRIBED if name in facts},
+        "statements": {number: {"verdict": verdict.value, "says": STATEMENTS[number].says}
+                       for number, verdict in verdicts(facts).items()}}
 
 
 def dialect_of(facts: Facts) -> Dict[str, Any]:
@@ -107,6 +111,9 @@ def text(facts: Facts, left: Sequence[str] = ()) -> List[str]:
     for name in DESCRIBED:
         if name in settled:
             lines += _fact_lines(name, settled[name])
+    if "twin_angle" in settled and "twin_time" in settled:
+        lines += ["", *_wrapped("This twin is within %.3f deg and %.0f ms of your arm, in %s" % (
+            settled["twin_angle"].value, 1000.0 * settled["twin_time"].value, settled["twin_angle"].how))]
     open_ones = [name for name in DESCRIBED if name in facts and name not in settled]
     if open_ones:
         lines += ["", "Not settled", ""]
@@ -117,7 +124,21 @@ def text(facts: Facts, left: Sequence[str] = ()) -> List[str]:
         lines += ["", "Otherwise than the simulated controller of firmware %s" % firmware, ""]
         lines += [row for line in differences(facts, firmware) for row in _wrapped(line)] or [
             "  nothing that was looked for"]
-    return lines
+    return lines + _statement_lines(facts)
+
+
+def _statement_lines(facts: Facts) -> List[str]:
+    """Return a line for each statement that is contradicted or confirmed, and one that counts the others."""
+    judged = verdicts(facts)
+    lines = ["", "Statements of docs/controller-protocol.md", ""]
+    for verdict in (Verdict.CONTRADICTED, Verdict.CONFIRMED):
+        for number, one in STATEMENTS.items():
+            if judged[number] is verdict:
+                lines += _wrapped("%s %s: %s (section %s, [%s]); found: %s" % (
+                    number, verdict.value, one.says, one.section, one.tag,
+                    "; ".join(words(facts[name].value) for name in one.facts)))
+    unseen = [number for number in STATEMENTS if judged[number] is Verdict.NOT_SEEN]
+    return lines + (_wrapped("%s: %s" % (Verdict.NOT_SEEN.value, ", ".join(unseen))) if unseen else [])
 
 
 def _fact_lines(name: str, fact: Fact) -> List[str]:

@@ -192,7 +192,8 @@ class DriverConfig:
     controller_profile: Optional[ControllerProfile] = _parameter(
         None, "text", "", "empty, or path of a probe.json", "A report of jaka_probe on this controller "
         "(first_contact.md). It sets io_index_base where that is auto and the interface is documented, and diagnostics "
-        "tell what it has settled and what stays assumed. Default: none.", profile_from)
+        "tell what it has settled and what stays assumed. Default: none. The launch files have an argument of this "
+        "name; its value none is no report.", profile_from)
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
                            "With it, the driver uses no controller but the simulated one of this identity; set by the "
                            "launch files.")

@@ -14,8 +14,9 @@ import uuid
 from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
-from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file
+from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.simulation.arm.moves import braking_share
 from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
@@ -30,8 +31,6 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 SINGLE_CLIENT = {"replace": REPLACES, "refuse": REFUSED, "coexist": COEXISTS}
 """Spellings of the dimension ``second_client`` on the command line."""
 MAX_TIME_SCALE = 100.0
-_LEAST_BRAKING = 0.01
-"""Smallest deceleration of a stop, as a share of what the model allows."""
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
@@ -102,7 +101,7 @@ class SimulatedController:
             (dialect or Dialect.default(firmware)).replaced(_given(instead)), **_given(delays))
         options = Options(self.dialect, _one_of("start", start, {s.value: s for s in Start}),
                           MIN_FEED_PERIOD_S * time_scale, identity, force_sensor,
-                          _braking_share(arm, stop_deceleration))
+                          braking_share(arm, stop_deceleration))
         begun = beginning or Beginning({})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options, begun.joint_position)
         begun.apply(controller.state)
@@ -181,12 +180,6 @@ class SimulatedController:
 
 def _given(values: Dict[str, Any]) -> Dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _braking_share(arm: ArmModel, deceleration: Optional[float]) -> float:
-    if deceleration is None:
-        return 1.0
-    return min(1.0, max(_LEAST_BRAKING, deceleration / arm.joint_max_acceleration[-1]))
 
 
 def _one_of(what: str, value: str, known: Dict[str, Any]) -> Any:

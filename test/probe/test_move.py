@@ -171,13 +171,15 @@ def moved(tmp_path, arm, *words, **answers):
 def test_each_dimension_of_motion_is_found_in_its_room_and_the_arm_is_where_it_was(tmp_path, controller):
     dialect = {"start_delay": 0.5, "inpos": "late", "stop_ends_jog": False, "stop_ends_servo": False,
                "jog_stop_ends": "its axis", "pause_pauses_moves": False, "servo_leave_delay": 0.08,
-               "starvation": "repeat", "stop_drops_frames": False, "servo_queue": 0}
+               "starvation": "repeat", "stop_drops_frames": False, "servo_queue": 0, "move_acceleration": 0.5}
     (tmp_path / "dialect.json").write_text(json.dumps(dialect))
     arm = controller("--dialect", str(tmp_path / "dialect.json"), "--firmware", "1.7.2")
     terminal = moved(tmp_path, arm)
     assert terminal.end() == 0, terminal.text
     found = facts_in(tmp_path / "out")
-    assert {DESCRIBED[name].dimension for name, fact in found.items() if fact.value is not None} >= DIMENSIONS_OF_MOVE
+    assert {DESCRIBED[name].dimension for name, fact in found.items() if fact.value is not None} >= (
+        DIMENSIONS_OF_MOVE - {"move_jerk_time"}), "whether a jerk is seen is a matter of the host"
+    assert found["twin_angle"].value < 0.25 and "within" in terminal.text
     assert not wrong(found, Dialect.default("1.7.2").replaced(dialect))
     assert wrong(dict(found, inpos=Fact("exact", "")), Dialect.default("1.7.2").replaced(dialect))
     names = arm.sent()

@@ -1,5 +1,6 @@
 """The launch files: documented arguments, ip alone drives a real arm, the demo, the tree of frames for display."""
 import contextlib
+import json
 import math
 import shlex
 import shutil
@@ -11,6 +12,7 @@ import roslaunch
 import roslaunch.arg_dump
 import rospy
 import std_msgs.msg
+from diagnostic_msgs.msg import DiagnosticArray
 from driver_bench import Arm, SimulatorProcess, collecting
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from import_graph import ROOT
@@ -23,7 +25,7 @@ from jaka_ros_driver.client.core.velocity_jog.dead_man import FRESH_S
 from jaka_ros_driver.kinematics.arm_models import file_or_none, load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, matrix_from_rotation_vector
-from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 FILES = sorted((ROOT / "launch").glob("*.launch"))
@@ -164,7 +166,37 @@ def test_name_is_one_that_the_simulated_controller_takes():
 def test_what_the_launch_file_sets_is_what_the_driver_takes_and_has_its_defaults():
     _, params = nodes(["sim:=false"])
     given = {key.split("/")[-1]: value for key, value in params.items() if key.startswith("/jaka_driver/")}
-    assert given == {name: getattr(DriverConfig(), name) for name in given}
+    assert config_from(given) == config_from({}) and len(given) > 15
+
+
+@pytest.mark.parametrize("name", ["robot_start_launch.launch", "display.launch"])
+@pytest.mark.parametrize("given, expected", [([], ""), (["controller_profile:=none"], ""),
+                                             (["controller_profile:=/a b/probe.json"], "/a b/probe.json")], ids=str)
+def test_a_report_of_the_controller_reaches_the_driver_and_none_is_left_of_an_earlier_launch(name, given, expected):
+    _, params = nodes(["ip:=10.5.5.100", *given], str(ROOT / "launch" / name))
+    assert params["/jaka_driver/controller_profile"] == expected
+
+
+def test_each_of_several_arms_has_its_own_report_or_none(tmp_path):
+    example = (ROOT / "docs" / "examples" / "arms.yaml").read_text()
+    written = example.replace("# controller_profile: ", "controller_profile: ").replace("json  (", "json  # (")
+    (tmp_path / "arms.yaml").write_text(written)
+    _, params = nodes(["file:=%s" % (tmp_path / "arms.yaml"), "arms:=left right"], str(ROOT / "launch" / "arms.launch"))
+    assert params["/left/jaka_driver/controller_profile"] == "/etc/jaka/left_probe.json"
+    assert params["/right/jaka_driver/controller_profile"] == ""
+
+
+def test_a_launched_driver_knows_its_controller_by_the_report(ros_node, launch, free_ports, tmp_path):
+    report = {"format": 1, "facts": {"io_index_base": {"value": 1, "how": "seen"}}}
+    (tmp_path / "probe.json").write_text(json.dumps(report))
+    command_port, status_port, panel_port = free_ports(3)
+    launch("robot_start_launch.launch", "sim:=true", "command_port:=%d" % command_port,
+           "status_port:=%d" % status_port, "sim_panel_port:=%d" % panel_port,
+           "controller_profile:=%s" % (tmp_path / "probe.json"))
+    with collecting("/diagnostics", DiagnosticArray) as seen:
+        assert eventually(lambda: "1, seen on this controller" in [
+            pair.value for _, message in seen for status in message.status for pair in status.values
+            if pair.key == "first terminal"])
 
 
 @pytest.mark.parametrize("arguments, topic, frame", [

@@ -11,9 +11,10 @@ def dialect_options(number, folder, **fixed):
     """Return the simulated controller's options for this dialect, and the points in which it differs, in words.
 
     An arm that begins seconds after the acceptance is stopped before it moves, so that nothing could be cut short;
-    that is for the custody simulation. ``fixed`` are more points that are not drawn.
+    that is for the custody simulation. Moves accelerate as they ask for, so that they last as long.
+    ``fixed`` are more points that are not drawn.
     """
-    drawn = dict(Dialect.from_seed(number, FIRMWARE).as_dict(), start_delay=0.0, **fixed)
+    drawn = dict(Dialect.from_seed(number, FIRMWARE).as_dict(), start_delay=0.0, move_acceleration=1.0, **fixed)
     usual = Dialect.default(FIRMWARE).as_dict()
     path = Path(folder) / ("dialect-%d.json" % number)
     path.write_text(json.dumps(drawn), encoding="utf-8")

@@ -5,7 +5,7 @@ from typing import Optional, Sequence
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.events import PlantEvent
 from jaka_ros_driver.simulation.arm.frames import same_joints
-from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, Profile, stopping_way
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, JERK_TIME_S, Profile, stopping_way
 from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector
 
@@ -25,13 +25,13 @@ class Follower:
     """
 
     def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool,
-                 braking_share: float = 1.0) -> None:
+                 braking_share: float = 1.0, jerk_seconds: float = JERK_TIME_S) -> None:
         self._braking_share = self._share = braking_share
         self.route = route
         self.joints = route.start_joints
         self.is_ending = False
         self.fault: Optional[PlantEvent] = None
-        self._profile = Profile(jerk_limited)
+        self._profile = Profile(jerk_limited, jerk_seconds)
         self._joint_limits = [speed * _OVERSPEED for speed in max_joint_speed]
         self._aimed_at = (-1.0, -1.0, -1.0)
         self._is_braking = False
@@ -61,7 +61,7 @@ class Follower:
         Returns False where it is another path or ends before the arm can stop.
         """
         braking = self._braking_share * route.stopping_acceleration(self.way, 0.0, 0.0)
-        needed = stopping_way(self.speed, braking, self._profile.jerk_time)
+        needed = stopping_way(self.speed, braking, self._profile.braking_jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
             return False
@@ -89,7 +89,7 @@ class Follower:
         if self._braking_share >= 1.0:
             return 1.0
         profile = self._profile
-        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time)
+        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.braking_jerk_time)
         left = max(self.route.length - profile.position, 1e-9)
         return min(1.0, max(self._braking_share, _FITTING * profile.velocity ** 2 / (2.0 * left * strongest)))
 
@@ -99,7 +99,7 @@ class Follower:
         One deceleration for the whole way, that of its weakest place, would leave the arm too fast for the bends on the
         way there.
         """
-        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time)
+        strongest = self.route.stopping_acceleration(profile.position, profile.velocity, profile.braking_jerk_time)
         profile.slow_down(self._share * strongest, self.route.length)
 
     def step(self, dt: float, rate: float) -> Vector:

@@ -8,7 +8,7 @@ from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.follower import Follower
 from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.legs import Leg
-from jaka_ros_driver.simulation.arm.profiles import jerk_time
+from jaka_ros_driver.simulation.arm.profiles import JERK_TIME_S, jerk_time
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
 
@@ -31,6 +31,7 @@ class MotionQueue:
         jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
+        jerk_seconds: How long the acceleration of moves and jogs builds up, s, where their jerk is limited.
         start_delay: From the acceptance of a motion by an arm at rest to its beginning, s.
         braking_share: Deceleration of stops and pauses, as a share of the strongest that the model allows.
         fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
@@ -39,6 +40,7 @@ class MotionQueue:
 
     def __init__(self, frames: ArmFrames) -> None:
         self.jerk_limited = True
+        self.jerk_seconds = JERK_TIME_S
         self.start_delay = 0.0
         self.braking_share = 1.0
         self._start_in = 0.0
@@ -92,17 +94,21 @@ class MotionQueue:
         self._check_room()
         if self._waiting:
             last = self._waiting[-1].route
-            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, jerk_time(self.jerk_limited)):
+            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, self._jerk_time):
                 return
         elif self._running is not None and not self._running.is_ending:
             running = self._running
             if isinstance(running.route, CartesianRoute) and running.route.append(
-                    leg, running.way, running.speed, jerk_time(self.jerk_limited)):
+                    leg, running.way, running.speed, self._jerk_time):
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
             raise TargetRejected(_of_move(route.break_event))
         self._enter(_Entry(route))
+
+    @property
+    def _jerk_time(self) -> float:
+        return jerk_time(self.jerk_limited, self.jerk_seconds)
 
     @property
     def takes_jog(self) -> bool:
@@ -200,7 +206,7 @@ class MotionQueue:
 
     def _start(self, entry: _Entry) -> None:
         self._running = Follower(entry.route, self._frames.model.joint_max_speed, self.jerk_limited,
-                                 self.braking_share)
+                                 self.braking_share, self.jerk_seconds)
         self._running_jog = entry.jog
 
     def _end_running(self) -> None:

@@ -28,8 +28,17 @@ DEFAULT_ROTATION_ACCELERATION = 12.56
 SAME_PLACE = 1e-6
 """Distance, m, from the end of the queue below which a target counts as the same place."""
 
+_LEAST_BRAKING = 0.01
+"""Smallest deceleration of a stop, as a share of what the model allows."""
 _TOOL_RATE_PIECE = 0.1  # rad; step of the joint with the longest way between two samples
 _TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance shows
+
+
+def braking_share(model: ArmModel, deceleration: Optional[float]) -> float:
+    """Return a deceleration of joint 6, rad/s2, as a share of what the model allows; 1 for None and for more."""
+    if deceleration is None:
+        return 1.0
+    return min(1.0, max(_LEAST_BRAKING, deceleration / model.joint_max_acceleration[-1]))
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:
@@ -45,18 +54,18 @@ def positive(what: str, value: Optional[float], default: float) -> float:
 
 
 def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
-              rotation_acceleration: Optional[float]) -> LegPace:
+              rotation_acceleration: Optional[float], share: float = 1.0) -> LegPace:
     """Return a move's pace, limited to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
 
-    It raises as ``positive`` does.
+    Accelerations are this share of those asked for. It raises as ``positive`` does.
     """
     top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
     return LegPace(
         min(positive("speed", speed, 0.0), top),
-        min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
+        min(share * positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
         min(positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED), FASTEST),
-        min(positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION), STRONGEST),
+        min(share * positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION), STRONGEST),
         strongest)
 
 

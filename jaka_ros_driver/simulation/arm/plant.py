@@ -43,6 +43,7 @@ class Plant:
         servo_leave_delay: How long servo mode lasts after it was left, s; the arm takes no more points then.
         max_waiting: Largest number of servo points behind the one for the next cycle.
         drops_points: False where the points that wait run out before a stop, or leaving servo mode, takes effect.
+        acceleration_share: Acceleration of moves, as a share of what they ask for, within the model's limits.
         rapid_rate: Speed override in force, 0 to 1.
         settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of the
             status feed, the first frame after the acceptance shows it.
@@ -75,6 +76,7 @@ class Plant:
         self._coast: Optional[Coast] = None
         self._filter_kind = ServoFilter.NONE
         self._filter_parameters: Dict[str, float] = {}
+        self.acceleration_share = 1.0
         self.rapid_rate = 1.0
         self._unsettled = 0.0
         self.add_error_line = 0
@@ -203,7 +205,8 @@ class Plant:
         tolerance, m: how far the rounded corner to the next line may leave the lines; 0 for a full stop.
         """
         self._check_planned_mode()
-        pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)
+        pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration,
+                         self.acceleration_share)
         if not 0.0 <= tolerance < math.inf:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "tolerance must be finite and not below 0")
         joints = self._queue_end()
@@ -222,7 +225,7 @@ class Plant:
         turns (``circle_cnt``): full circles before the arc. circle_mode: how the tool turns, see ``legs.arc_through``.
         """
         self._check_planned_mode()
-        pace = tool_pace(self._frames.model, speed, acceleration, None, None)
+        pace = tool_pace(self._frames.model, speed, acceleration, None, None, self.acceleration_share)
         joints = self._queue_end()
         start = self._frames.tool_at(joints)
         through = self._frames.displaced(start, via) if relative else self._frames.in_base(via)
@@ -477,7 +480,7 @@ class Plant:
     def _queue_joint_motion(self, start: Vector, end: Vector, speed: float, acceleration: Optional[float],
                             line_id: int) -> bool:
         top = positive("speed", speed, 0.0)
-        strongest = positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
+        strongest = self.acceleration_share * positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
         outside = self._frames.joint_outside(end)
         if outside is not None:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "joint %d beyond its %s limit" % (

@@ -22,9 +22,9 @@ _STEEPER = 1.25
 _STEEPER_TRIES = 16
 
 
-def jerk_time(jerk_limited: bool) -> float:
+def jerk_time(jerk_limited: bool, seconds: float = JERK_TIME_S) -> float:
     """Return the time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
-    return JERK_TIME_S if jerk_limited and RUCKIG is not None else 0.0
+    return seconds if jerk_limited and RUCKIG is not None else 0.0
 
 
 class Profile:
@@ -34,18 +34,21 @@ class Profile:
         position: Distance covered so far.
         velocity: Never below 0.
         acceleration: Signed.
-        jerk_time: s over which acceleration builds up; 0 without ruckig.
+        jerk_time: s over which acceleration builds up on the way to a target; 0 without ruckig.
+        braking_jerk_time: The same where it slows down at once.
     """
 
-    def __init__(self, jerk_limited: bool = True) -> None:
+    def __init__(self, jerk_limited: bool = True, jerk_seconds: float = JERK_TIME_S) -> None:
         """Set up a profile at rest.
 
         jerk_limited: limit the jerk; has no effect without ruckig.
+        jerk_seconds: ``jerk_time`` with ruckig.
         """
         self.position = 0.0
         self.velocity = 0.0
         self.acceleration = 0.0
-        self.jerk_time = jerk_time(jerk_limited)
+        self.jerk_time = jerk_time(jerk_limited, jerk_seconds)
+        self.braking_jerk_time = jerk_time(jerk_limited)
         self._target: Optional[float] = None
         self._slowed_by: Optional[float] = None
         self._max_velocity = 0.0
@@ -83,7 +86,7 @@ class Profile:
         if self.velocity == 0.0:
             self.acceleration = 0.0
             return self.position
-        if self.jerk_time:
+        if self.braking_jerk_time:
             self._plan_brake()
         if self._trajectory is not None:
             return max(self.position, self._trajectory.at_time(self._trajectory.duration)[0][0])
@@ -148,7 +151,7 @@ class Profile:
     def _plan_to(self, target: float) -> None:
         acceleration = self._max_acceleration
         for _ in range(_STEEPER_TRIES):
-            plan = self._request(acceleration)
+            plan = self._request(acceleration, self.jerk_time)
             plan.target_position = [target]
             plan.max_velocity = [self._max_velocity]
             trajectory = self._solve(plan)
@@ -160,18 +163,18 @@ class Profile:
             acceleration *= _STEEPER
 
     def _plan_brake(self) -> None:
-        plan = self._request(self._max_acceleration)
+        plan = self._request(self._max_acceleration, self.braking_jerk_time)
         plan.control_interface = RUCKIG.ControlInterface.Velocity
         plan.target_velocity = [0.0]
         self._trajectory, self._elapsed, self._jerk = self._solve(plan), 0.0, plan.max_jerk[0]
 
-    def _request(self, acceleration: float) -> Any:
+    def _request(self, acceleration: float, jerk_seconds: float) -> Any:
         plan = RUCKIG.InputParameter(1)
         plan.current_position = [self.position]
         plan.current_velocity = [self.velocity]
         plan.current_acceleration = [self.acceleration]
         plan.max_acceleration = [acceleration]
-        jerk = max(acceleration, abs(self.acceleration)) / self.jerk_time
+        jerk = max(acceleration, abs(self.acceleration)) / jerk_seconds
         # acceleration that has begun to fade must fade as fast as before, or the speed would exceed its limit
         plan.max_jerk = [max(jerk, self._jerk) if self.acceleration else jerk]
         return plan

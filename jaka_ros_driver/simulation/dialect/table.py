@@ -81,6 +81,13 @@ class Dialect:
     # --- motion ---
     start_delay: float = _range("from the acceptance of a move or jog, by an arm at rest, to its first motion",
                                 "a reply says that a command was received, no more [D]: 2", 0.0, 20.0, "s", 0.0)
+    move_acceleration: float = _range(
+        "acceleration of a move, as a share of what it asks for",
+        "`accel` is the acceleration [D*]; whether a controller keeps to it is not known [I]: 5.2",
+        0.2, 4.0, "times", 1.0)
+    move_jerk_time: float = _range("how long the acceleration of moves and jogs builds up, where the simulation has "
+                                   "ruckig", "an S-curve exists [D HDR]; its jerk is not known [I]: 5.4.3",
+                                   0.0, 0.2, "s", 0.05)
     inpos: str = _choice(
         "`inpos` is true at rest; already while the arm moves (early); 2 s after it rests (late); never",
         "early: may be since 1.5.13.8, 1.7.0.45, 1.7.1.7 [D], in which cases is not known; exact: clients end moves by "

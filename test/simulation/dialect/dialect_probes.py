@@ -121,6 +121,13 @@ def start_delay(dialect):
     return moved
 
 
+def move_takes(dialect):
+    wire = Wire(dialect)
+    assert wire.move()["errorCode"] == "0"
+    wire.time_until(wire.is_moving)
+    return wire.time_until(lambda: not wire.is_moving())
+
+
 def inpos(dialect):
     wire = Wire(dialect)
     wire.move()
@@ -343,6 +350,8 @@ PROBES = {
     "drag_reply_delay": reply_time("torque_control_enable", enable_flag=1),
     "behind_slow_reply": behind_slow_reply,
     "start_delay": start_delay,
+    "move_acceleration": move_takes,
+    "move_jerk_time": move_takes,
     "inpos": inpos,
     "stop_ends_jog": stop_ends_jog,
     "stop_ends_servo": stop_ends_servo,

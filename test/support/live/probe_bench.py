@@ -74,7 +74,7 @@ def facts_in(folder):
     return report.facts_of(report.read(str(folder / "probe.json")))
 
 
-_NEAR = {"start_delay": 0.3, "servo_leave_delay": 0.03}
+_NEAR = {"start_delay": 0.3, "servo_leave_delay": 0.03, "move_jerk_time": 0.04}
 """Tolerances of times, s: the period of the feed, the arm's first motion, a busy host."""
 
 
@@ -93,6 +93,8 @@ def wrong(found, dialect):
             is_right = abs(value - true) < 20 or true < value < 7000  # as long as its fields are
         elif key == "unknown_frame_fields":
             is_right = value == (true or "vendor_block" in found[name].value)  # what fills frames up is unknown, too
+        elif key == "move_acceleration":
+            is_right = abs(value - true) <= 0.15 * true
         elif key in _NEAR:
             is_right = abs(value - true) <= _NEAR[key]
         elif key == "missing_commands":

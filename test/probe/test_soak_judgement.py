@@ -1,0 +1,71 @@
+"""The judgement of the soak of the stage that moves: by the arm's own log, also of a run that ended early."""
+import importlib.util
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from import_graph import ROOT
+
+from jaka_ros_driver.simulation.arm.plant import HOME
+from jaka_ros_driver.simulation.dialect.table import Dialect
+
+
+@pytest.fixture
+def soak(monkeypatch):
+    spec = importlib.util.spec_from_file_location("soak_probe_move", ROOT / "test" / "soak" / "soak_probe_move.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "WATCHED_S", 0.0)
+    return module
+
+
+class EndedEarly:
+    """A probe that has ended before the step that was waited for."""
+
+    process = SimpleNamespace(send_signal=lambda number: pytest.fail("there is nothing to end"))
+
+    def __init__(self, command):
+        pass
+
+    def wait_for(self, text):
+        raise AssertionError("ended, the guard process does not answer")
+
+    def end(self):
+        return 1
+
+
+def run(soak, monkeypatch, path):
+    """Return the complaints about a run that ended early, and whose arm moved so: (s, joints)."""
+    arm = SimpleNamespace(log="none", ports=dict.fromkeys(("command_port", "status_port", "poll_port"), 1),
+                          close=lambda: None)
+    monkeypatch.setattr(soak, "start", lambda folder, seed: (arm, Dialect.default("1.7.2")))
+    monkeypatch.setattr(soak, "ProbeOnTerminal", EndedEarly)
+    monkeypatch.setattr(soak, "time", SimpleNamespace(monotonic=lambda: 100.0, sleep=lambda seconds: None))
+
+    class Verdict(soak.WireVerdict):
+        def __init__(self, log):
+            pass
+
+        def joints(self):
+            return path
+    monkeypatch.setattr(soak, "WireVerdict", Verdict)
+    return soak.killed(Path("none"), 3)
+
+
+def turned(joint, degrees, at):
+    return at, tuple(angle + (math.radians(degrees) if n == joint else 0.0) for n, angle in enumerate(HOME))
+
+
+def test_a_run_that_ended_early_has_not_failed_where_its_arm_rests_in_its_room(soak, monkeypatch, capsys):
+    assert run(soak, monkeypatch, [turned(5, 0.0, 50.0), turned(5, 2.0, 60.0), turned(5, 2.0, 106.0)]) == []
+    assert "dialect 3 ended early, before step" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("path, reason", [
+    ([turned(5, 0.0, 50.0), turned(5, 3.6, 60.0), turned(5, 3.6, 106.0)], "a joint went 3.60 deg"),
+    ([turned(5, 0.0, 50.0), turned(5, 1.0, 99.0), turned(5, 2.0, 105.0)], "moved until 5.0 s after the end"),
+    ([turned(5, 0.0, 50.0), turned(0, 30.0, 60.0), turned(5, 0.0, 70.0), turned(5, 0.0, 106.0)], "the flange was")])
+def test_where_its_arm_does_not_it_has(soak, monkeypatch, path, reason):
+    found = run(soak, monkeypatch, path)
+    assert found and all("ended early" in why for why in found) and any(reason in why for why in found)
