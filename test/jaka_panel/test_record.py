@@ -20,6 +20,20 @@ def test_a_spike_is_never_lost():
     assert history.shortened("q", 50.0, 60.0, 10)["s"] == []
 
 
+def test_no_part_of_a_curve_reaches_over_a_gap():
+    history = History()
+    for n in range(1000):
+        if not 400 < n < 450 and n != 600:  # 0.4 s without a sample, and one that is lost
+            history.add(0.008 * n, ([float(n)] * 6, None, None))
+    for buckets in (1, 7, 800):
+        curve = history.shortened("q", 0.0, 8.0, buckets)
+        between = [(a, b) for a, b in zip(curve["last"], curve["s"][1:]) if b - a > 0.3]
+        assert between == [(3.2, 3.6)], buckets
+        assert all(begin <= last for begin, last in zip(curve["s"], curve["last"]))
+        assert len(curve["s"]) == len(curve["min"][5]) == len(curve["max"][5]) <= buckets + 1
+        assert not any(a < 3.3 < b for a, b in zip(curve["s"], curve["last"])), buckets
+
+
 def test_what_is_old_is_overwritten():
     history = History()
     for n in range(80000):

@@ -182,7 +182,7 @@ def test_curves_come_as_samples_and_shortened(page, live, arm):
     lowest, highest = (kind(value for value in column if value is not None) for kind, column in (
         (min, answer["min"][0]), (max, answer["max"][0])))
     assert lowest == pytest.approx(HOME[0], abs=1e-3) and highest == pytest.approx(STAGE[0], abs=1e-3)
-    assert len(answer["s"]) <= 50 and len(answer["min"][0]) == len(answer["s"])
+    assert len(answer["min"][0]) == len(answer["s"]) == len(answer["last"])
 
 
 def test_each_setting_does_what_it_says(page, live, arm):

@@ -3,7 +3,7 @@ import uPlot from '../../vendor/uplot/uPlot.esm.js';
 import { h, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES } from '../ui/format.js';
 import { onThemeChange, themeColour } from '../ui/theme.js';
-import { pictureOfHistory, Samples } from './samples.js';
+import { pictureOfHistory, Samples, samplesOfHistory } from './samples.js';
 import { timeTicks } from './ticks.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -16,6 +16,8 @@ const OWN_S = 110;
 const PERIOD_MS = 100;
 const HISTORY_MS = 2000;
 const PIECES = 300;
+/** Of the history with which the plots begin: each is shorter than a gap. */
+const FIRST_PIECES = 550;
 /** Heights that a chart can have, px. */
 const LOWEST = 90;
 const HIGHEST = 420;
@@ -148,9 +150,10 @@ export function mountPlots(root, app) {
     isSeeded = true;
     const arm = store.chosen;
     for (const kind of KINDS) {
-      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: PIECES, what: kind }, 5);
+      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: FIRST_PIECES, what: kind }, 5);
       if (arm !== store.chosen) return;
-      if (answer.ok && answer.data?.s) samples[kind].precede(pictureOfHistory(answer.data, DEGREES));
+      if (answer.ok) samples[kind].precede(samplesOfHistory(answer.data, DEGREES));
+      else setTimeout(() => { isSeeded = false; }, HISTORY_MS);  // it was asked too often, or the link is slow: again
     }
   }
 
@@ -178,7 +181,7 @@ export function mountPlots(root, app) {
     for (const { kind, plot } of charts) {
       const answer = await connection.request({ t: 'history', arm: store.chosen, from: from - seconds, to: Math.min(0, to - seconds),
         buckets: PIECES, what: kind }, 5);
-      if (answer.ok && answer.data?.s) paint(plot, pictureOfHistory(answer.data, DEGREES), from, to);
+      if (answer.ok) paint(plot, pictureOfHistory(answer.data, (to - from) / PIECES, DEGREES), from, to);
     }
   }
 
