@@ -5,6 +5,7 @@ import pytest
 
 from jaka_panel.record.alarms import KEPT, AlarmBook, event_of
 from jaka_panel.record.history import Differences, History
+from jaka_panel.record.moves import MoveBook
 
 
 def test_a_spike_is_never_lost():
@@ -32,6 +33,37 @@ def test_no_part_of_a_curve_reaches_over_a_gap():
         assert all(begin <= last for begin, last in zip(curve["s"], curve["last"]))
         assert len(curve["s"]) == len(curve["min"][5]) == len(curve["max"][5]) <= buckets + 1
         assert not any(a < 3.3 < b for a, b in zip(curve["s"], curve["last"])), buckets
+
+
+MOVES, RESTS = [0.0, 0.1] + [0.0] * 4, [0.0] * 6
+
+
+def moves_of(*stretches):
+    """Return a book, and what it told, after stretches of samples at 125 Hz: begin and end, s, and speeds, rad/s."""
+    book, told = MoveBook(), []
+    for begin, end, speeds in stretches:
+        for n in range(int(round((end - begin) * 125))):
+            told += book.sample(begin + 0.008 * n, speeds)
+    return book, told
+
+
+def test_a_motion_goes_from_its_first_sample_to_its_last_one():
+    book, told = moves_of((0.0, 1.0, RESTS), (1.0, 2.0, MOVES), (2.0, 2.2, RESTS), (2.2, 3.0, MOVES), (3.0, 4.0, RESTS),
+                          (4.0, 4.4, None), (4.4, 5.0, MOVES))
+    first, second = book.all()
+    assert first == {"n": 1, "s": 1.0, "to": 2.992, "owner": "", "lost": False}, "a pause of 0.2 s is within it"
+    assert (second["n"], second["s"], second["to"]) == (2, 4.4, None), "and one goes on"
+    assert [(one["n"], one["to"]) for one in told] == [(1, None), (1, 2.992), (2, None)]
+    assert book.name("trajectory")[0]["owner"] == "trajectory" and book.name("trajectory") == [] == book.name("")
+    assert book.all()[0]["owner"] == "", "who moves now has not moved it then"
+
+
+def test_a_motion_that_is_not_seen_to_its_end_ends_with_the_last_sample():
+    book, _ = moves_of((0.0, 1.0, MOVES))
+    assert book.look(1.2) == []
+    assert [(one["to"], one["lost"]) for one in book.look(1.4)] == [(0.992, True)] and book.look(1.5) == []
+    book, _ = moves_of((0.0, 1.0, MOVES), (5.0, 6.0, MOVES))
+    assert [(one["s"], one["to"], one["lost"]) for one in book.all()] == [(0.0, 0.992, True), (5.0, None, False)]
 
 
 def test_what_is_old_is_overwritten():

@@ -269,6 +269,43 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
     page.until_text(".plot-bar > button", "Pause")
 
 
+def test_marks_say_what_happened_on_the_axis_of_the_plots(panel, open_page):
+    wall, now = time.time(), time.monotonic()
+    panel.first = [
+        {"t": "alarms", "alarms": [
+            {"n": n, "wall": wall - 8.0 * n, "until": None, "level": level, "code": "0x1", "text": "text",
+             "source": "driver"} for n, level in enumerate(["error", "warning", "info"], 1)]},
+        {"t": "calls", "calls": [
+            {"n": n, "wall": wall - 4.0 - n, "service": name, "name": name, "type": "", "caller": HOSTILE,
+             "request": "", "answer": "", "took": 0.1, "ok": True, "error": ""} for n, name in enumerate(["get_io", "set_io"], 1)]},
+        {"t": "moves", "moves": [{"n": 1, "s": now - 20.0, "to": now - 12.0, "owner": "trajectory", "lost": False}]}]
+    page = open_page()
+    page.click("#drawer-bar > button")
+    page.until("document.querySelectorAll('.plot-mark').length === 4")
+    kinds = page.evaluate("[...document.querySelectorAll('.plot-mark')].map((one) => [one.className.split(' ')[1], "
+                          "one.textContent, parseFloat(one.style.left)]).sort((a, b) => a[2] - b[2])")
+    assert [kind[:2] for kind in kinds] == [["move", "▬"], ["warning", "▲"], ["error", "■"], ["call", "◆"]], kinds
+    assert all(abs(place - wanted) < 12.0 for (_, _, place), wanted in zip(kinds, (33, 46, 73, 80))), kinds
+    names = []
+    page.evaluate("document.querySelector('.plot-mark[tabindex=\"0\"]').focus()")
+    for key in ("Home", "ArrowRight", "ArrowRight", "ArrowRight"):
+        page.key(key)
+        names.append(page.text(".mark-said"))
+        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == names[-1]
+    assert "motion of 8.0 s: a trajectory" in names[0] and "warning: 0x1 text" in names[1], names
+    assert "alarm: 0x1 text" in names[2] and "call set_io by " + HOSTILE in names[3], names
+    page.evaluate("document.activeElement.blur()")
+    page.until("document.querySelector('.mark-said').hidden")
+    page.click(".plot-bar > button")
+    x, y = page.place(".plot-mark.error")
+    page.mouse("Moved", x, y + 40)
+    page.until_text(".mark-said", "alarm: 0x1 text")
+    page.mouse("Moved", x, 5)
+    page.until("document.querySelector('.mark-said').hidden")
+    page.click("#language")
+    page.until("document.querySelector('.plot-mark.move').getAttribute('aria-label').includes('运动 8.0 秒：轨迹')")
+
+
 def test_only_what_can_be_seen_of_an_unknown_arm_is_claimed(panel, open_page):
     page = open_page()
     panel.state.update(robot=None, status=None, enabled=None, speed=None, tool=None, dq=None, want=None)

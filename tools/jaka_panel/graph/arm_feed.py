@@ -17,6 +17,7 @@ from roslib import message as roslib_message
 
 from ..record.alarms import AlarmBook, event_of
 from ..record.history import Differences, History
+from ..record.moves import MoveBook
 from . import raw_messages
 from .arms import Driver
 from .rotations import vector_from_quaternion, vector_from_rpy
@@ -63,6 +64,7 @@ class ArmFeed:
         driver: The driver as the master knows it.
         alarms: Alarms and notes.
         history: Curves of the joints, while somebody watches.
+        moves: Motions, while somebody watches.
         simulated: True, False, or None while it is not known.
         joints_heard_at: Reception of the newest sample of the joints, monotonic time, s; -1e9 before the first.
         stops: Number of calls that stopped the arm, by whomever.
@@ -73,6 +75,7 @@ class ArmFeed:
         self.driver = driver
         self.alarms = AlarmBook()
         self.history = History()
+        self.moves = MoveBook()
         self.simulated: Optional[bool] = None
         self.joints_heard_at = -1e9
         self.stops = 0
@@ -187,9 +190,15 @@ class ArmFeed:
                 error = errors.popleft()[1]
             rows.append((at, position, speeds, error))
             self.history.add(at, (position, speeds, error))
+            self._note_moves(self.moves.sample(at, speeds))
+        self._note_moves(self.moves.look(now))
         return {"s": [round(row[0], 4) for row in rows],
                 **{name: [[None if row[n] is None else round(row[n][joint], 6) for row in rows]  # type: ignore[index]
                           for joint in range(raw_messages.JOINTS)] for n, name in ((1, "q"), (2, "dq"), (3, "e"))}}
+
+    def _note_moves(self, moves: List[Dict[str, Any]]) -> None:
+        if moves:
+            self._events.append(lambda: [{"t": "move", "move": move} for move in moves])
 
     def _new_errors(self) -> Deque[Tuple[float, Tuple[float, ...]]]:
         errors: Deque[Tuple[float, Tuple[float, ...]]] = deque()
@@ -301,8 +310,9 @@ class ArmFeed:
         """Return the messages for a page that begins to watch, besides ``state``."""
         calls = {"t": "calls", "calls": list(self._calls)}
         alarms = {"t": "alarms", "alarms": self.alarms.all()}
+        moves = {"t": "moves", "moves": self.moves.all()}
         io = [] if self._io is None else [self._io_message(now)]
-        return [*self._said.values(), *io, alarms, calls]
+        return [*self._said.values(), *io, alarms, calls, moves]
 
     def take_news(self, now: float) -> List[Dict[str, Any]]:
         """Return the messages of what has changed since the last call, oldest first."""
@@ -412,6 +422,8 @@ class ArmFeed:
                 "user_id": _whole(state.get("user frame")), "event": event,
                 "held_by": next((status["message"][len("held by "):] for status in shown
                                  if status["name"] == "velocity jog" and status["message"].startswith("held by ")), "")}
+            owner = self._condition["owner"]
+            self._note_moves(self.moves.name("" if owner in (None, "nobody") else owner))
             is_alarm = any(status["name"] == "controller state" and status["level"] == 2 for status in shown)
             news += self._alarm_news(self.alarms.event(time.time(), event[0], event[1], is_alarm))
         return news + self._changed("diag", {"status": shown})

@@ -2,4 +2,5 @@
 
 history  curves of the joints, with minimum and maximum where they are shortened
 alarms   alarms and notes in the order of time
+moves    motions, from begin to end
 """

@@ -4,6 +4,7 @@ import { h, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES } from '../ui/format.js';
 import { onThemeChange, themeColour } from '../ui/theme.js';
 import { pictureOfHistory, Samples, samplesOfHistory } from './samples.js';
+import { MarkLane } from './mark_lane.js';
 import { timeTicks } from './ticks.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -52,15 +53,16 @@ export function mountPlots(root, app) {
   const joints = [0, 1, 2, 3, 4, 5].map((n) => h('button', { type: 'button', class: `joint-key joint-${n + 1}`,
     'aria-pressed': 'true', on: { click: () => toggle(n) } }, `J${n + 1}`));
   const charts = KINDS.map((kind) => {
-    const place = h('div', { class: 'plot', role: 'img', tLabel: `plots.${kind}` });
+    const place = h('div', { class: 'plot', role: 'group', tLabel: `plots.${kind}` });
     const element = h('figure', {}, h('figcaption', {}, h('span', { t: `plots.${kind}` }), ` ${UNITS[kind]}`), place);
     return { kind, place, element, plot: /** @type {any} */ (null) };
   });
+  const lane = new MarkLane(app, () => charts.forEach(({ plot }) => plot?.redraw(false)));
   /** Height of each chart, px. */
   let height = UNFIXED;
   const bar = h('div', { class: 'plot-bar' }, pause, h('div', { class: 'choice', role: 'group', tLabel: 'plots.span' }, ...spans),
     h('div', { class: 'choice', role: 'group', tLabel: 'plots.joints' }, ...joints), h('span', { class: 'hint', t: 'plots.hint' }));
-  root.append(bar, h('div', { class: 'charts' }, ...charts.map((chart) => chart.element)));
+  root.append(bar, h('div', { class: 'charts' }, lane.said, ...charts.map((chart) => chart.element)));
 
   /** @returns {number} Server's clock as far as the page knows, s. */
   const now = () => (Number.isFinite(offset) ? performance.now() / 1000 + offset : connection.serverNow);
@@ -111,8 +113,10 @@ export function mountPlots(root, app) {
           /** @type {number} */ step) => timeTicks(low, high, step, origin = newest()),
         values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (
           ticks.map((tick) => `${Number((tick - origin).toFixed(2))}`)) }, { ...axis, size: 48 }],
-      hooks: { setSelect: [(/** @type {any} */ plot) => zoom(plot)] },
+      hooks: { setSelect: [(/** @type {any} */ plot) => zoom(plot)], draw: [(/** @type {any} */ plot) => lane.draw(plot)],
+        setCursor: [(/** @type {any} */ plot) => lane.point(plot)] },
     }, [[], [], [], [], [], [], []], chart.place);
+    chart.plot.over.addEventListener('pointerleave', () => lane.leave());
     chart.plot.over.addEventListener('dblclick', () => {
       zoomed = null;
       historyAt = 0;
@@ -137,6 +141,7 @@ export function mountPlots(root, app) {
     const end = isPaused ? pausedAt : now();
     const [from, to] = zoomed ?? [end - span, end];
     const isOwn = now() - from < OWN_S;
+    lane.update(from, to, samples.q.newest(), charts[0].plot.over.clientWidth);
     if (!isSeeded && Number.isFinite(offset)) void seed();
     if (!isOwn) {
       void fetchHistory(from, to);
@@ -187,6 +192,7 @@ export function mountPlots(root, app) {
 
   function rebuild() {
     for (const chart of charts) make(chart);
+    lane.enter(charts[0].plot);
     draw();
   }
 
@@ -210,6 +216,7 @@ export function mountPlots(root, app) {
   });
   rebuild();
   onThemeChange(rebuild);
+  store.on('chosen-language alarms alarm calls call moves move', draw);
   const isFixed = matchMedia('(min-width: 1000px) and (min-height: 640px)');  // as in layout.css: else the charts make the height
   new ResizeObserver(() => {
     if (!root.clientHeight) return;  // the drawer is closed

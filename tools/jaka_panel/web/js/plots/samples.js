@@ -39,6 +39,11 @@ export class Samples {
     return this.times[(this.first + index) % this.capacity];
   }
 
+  /** @returns {number} Time of the newest sample, s. */
+  newest() {
+    return this.count ? this.timeAt(this.count - 1) : -Infinity;
+  }
+
   clear() {
     this.first = 0;
     this.count = 0;
