@@ -4,6 +4,7 @@ import math
 import pytest
 
 from jaka_panel.record.alarms import KEPT, AlarmBook, event_of
+from jaka_panel.record.hand_outputs import HandOutputs
 from jaka_panel.record.history import Differences, History
 from jaka_panel.record.moves import MoveBook
 
@@ -107,3 +108,50 @@ def test_notes_that_repeat_are_one_and_only_the_newest_are_kept():
                                          ("", (0, "")), ("none", (0, ""))])
 def test_an_event_as_the_diagnostics_have_it(text, event):
     assert event_of(text) == event
+
+
+DIGITAL, ANALOG = ("cabinet", "digital", 1), ("tool", "analog", 0)
+
+
+def reported(one=True, volts=2.5):
+    """Return what status frames report: the second digital output of the cabinet, the first analog one of the tool."""
+    return {"cabinet": {"do": [False, one], "ao": []}, "tool": {"do": [], "ao": [volts]}}
+
+
+def marked():
+    outputs = HandOutputs()
+    outputs.set(DIGITAL, True, "a page", 10.0, 1000.0)
+    outputs.set(ANALOG, 2.5, "another", 10.0, 1000.0)
+    return outputs
+
+
+def names(outputs):
+    return [(one["bank"], one["signal"], one["index"]) for one in outputs.all()]
+
+
+def test_an_output_that_was_set_by_hand_is_marked_until_the_controller_reports_another_value():
+    outputs = marked()
+    assert outputs.all()[0] == {"bank": "cabinet", "signal": "digital", "index": 1, "value": True, "wall": 1000.0,
+                                "by": "a page"}
+    assert not outputs.look(reported(False, 0.0), 9.9), "a frame from before"
+    assert not outputs.look(reported(False, 0.0), 10.1), "one on its way when it was set"
+    assert not outputs.look(reported(), 10.2) and not outputs.look(reported(volts=2.501), 10.3)
+    assert outputs.look(reported(False), 10.4) and names(outputs) == [ANALOG]
+    assert not outputs.look({}, 11.0) and names(outputs) == [ANALOG], "frames without that row say nothing of it"
+    assert outputs.look(reported(volts=2.6), 12.0) and names(outputs) == []
+
+
+def test_a_mark_that_the_controller_never_confirms_ends():
+    outputs = marked()
+    assert not outputs.look(reported(False), 11.9) and outputs.look(reported(False), 12.1)
+    assert names(outputs) == [ANALOG]
+
+
+def test_a_call_of_somebody_else_ends_the_mark_whatever_it_sets():
+    outputs = marked()
+    outputs.expect(DIGITAL, 20.0)
+    assert not outputs.called(DIGITAL, True, 20.1), "the page's own"
+    assert not outputs.called(("cabinet", "digital", 0), False, 20.2), "of another output"
+    assert outputs.called(DIGITAL, True, 20.3) and names(outputs) == [ANALOG], "by a list of motions of this panel"
+    outputs.expect(ANALOG, 21.0)
+    assert outputs.called(ANALOG, False, 21.1) and names(outputs) == []

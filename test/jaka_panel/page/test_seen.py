@@ -277,7 +277,8 @@ def test_marks_say_what_happened_on_the_axis_of_the_plots(panel, open_page):
              "source": "driver"} for n, level in enumerate(["error", "warning", "info"], 1)]},
         {"t": "calls", "calls": [
             {"n": n, "wall": wall - 4.0 - n, "service": name, "name": name, "type": "", "caller": HOSTILE,
-             "request": "", "answer": "", "took": 0.1, "ok": True, "error": ""} for n, name in enumerate(["get_io", "set_io"], 1)]},
+             "request": "", "answer": "", "took": 0.1, "ok": True, "error": ""}
+            for n, name in enumerate(["get_io", "set_io"], 1)]},
         {"t": "moves", "moves": [{"n": 1, "s": now - 20.0, "to": now - 12.0, "owner": "trajectory", "lost": False}]}]
     page = open_page()
     page.click("#drawer-bar > button")

@@ -16,10 +16,12 @@ from rosgraph_msgs.msg import Log
 from roslib import message as roslib_message
 
 from ..record.alarms import AlarmBook, event_of
+from ..record.hand_outputs import HandOutputs, Key
 from ..record.history import Differences, History
 from ..record.moves import MoveBook
 from . import raw_messages
 from .arms import Driver
+from .requests import output_of
 from .rotations import vector_from_quaternion, vector_from_rpy
 
 _LOG = logging.getLogger(__name__)
@@ -65,6 +67,7 @@ class ArmFeed:
         alarms: Alarms and notes.
         history: Curves of the joints, while somebody watches.
         moves: Motions, while somebody watches.
+        hand_outputs: Outputs that pages have set; changed in the thread that takes the news.
         simulated: True, False, or None while it is not known.
         joints_heard_at: Reception of the newest sample of the joints, monotonic time, s; -1e9 before the first.
         stops: Number of calls that stopped the arm, by whomever.
@@ -76,6 +79,7 @@ class ArmFeed:
         self.alarms = AlarmBook()
         self.history = History()
         self.moves = MoveBook()
+        self.hand_outputs = HandOutputs()
         self.simulated: Optional[bool] = None
         self.joints_heard_at = -1e9
         self.stops = 0
@@ -312,7 +316,7 @@ class ArmFeed:
         alarms = {"t": "alarms", "alarms": self.alarms.all()}
         moves = {"t": "moves", "moves": self.moves.all()}
         io = [] if self._io is None else [self._io_message(now)]
-        return [*self._said.values(), *io, alarms, calls, moves]
+        return [*self._said.values(), *io, alarms, calls, moves, self._by_hand()]
 
     def take_news(self, now: float) -> List[Dict[str, Any]]:
         """Return the messages of what has changed since the last call, oldest first."""
@@ -326,12 +330,22 @@ class ArmFeed:
         if self._io is not None and self._io_at > self._told_io_at and now - self._told_io_at >= _IO_PERIOD_S:
             self._told_io_at = now
             news.append(self._io_message(now))
+            if self.hand_outputs.look(news[-1]["banks"], self._io_at):
+                news.append(self._by_hand())
         news += self._status_event()
         return news
 
     def note(self, level: str, text: str) -> None:
         """Put what this panel did among the alarms."""
         self._events.append(lambda: self._alarm_news(self.alarms.note(time.time(), level, text, "panel")))
+
+    def set_by_hand(self, key: Key, value: Any, by: str) -> None:
+        """Mark an output that a page has set and read back."""
+        self.hand_outputs.set(key, value, by, time.monotonic(), time.time())
+        self._events.append(lambda: [self._by_hand()])
+
+    def _by_hand(self) -> Dict[str, Any]:
+        return {"t": "by_hand", "outputs": self.hand_outputs.all()}
 
     def _status_event(self) -> List[Dict[str, Any]]:
         """Record the controller's event from ``~robot_status``, which comes earlier than /diagnostics."""
@@ -384,7 +398,12 @@ class ArmFeed:
                 "request": message.request_text[:_LONGEST_TEXT], "answer": message.response_text[:_LONGEST_TEXT],
                 "took": round(message.duration, 5), "ok": bool(message.success), "error": message.error[:_LONGEST_TEXT]}
         self._calls.append(call)
-        return [{"t": "call", "call": call}]
+        news: List[Dict[str, Any]] = [{"t": "call", "call": call}]
+        if call["name"] == "set_io" and message.success:
+            key = output_of(message.request_text)
+            if self.hand_outputs.called(key, message.caller == rospy.get_name(), time.monotonic()):
+                news.append(self._by_hand())
+        return news
 
     def _take_program(self, message: Any) -> None:
         self._events.append(lambda: self._changed("program", {

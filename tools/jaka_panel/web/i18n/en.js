@@ -396,6 +396,7 @@ export const en = {
   'io.on': 'on',
   'io.off': 'off',
   'io.set': 'Set',
+  'io.by_hand': 'set by hand here, {time}, {by}',
   'io.waiting': '…',
   'io.filter': 'Find',
   'io.extent': 'Which terminals',

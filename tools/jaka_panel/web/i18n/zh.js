@@ -396,6 +396,7 @@ export const zh = {
   'io.on': '开',
   'io.off': '关',
   'io.set': '设置',
+  'io.by_hand': '{time} 在此手动设置，{by}',
   'io.waiting': '…',
   'io.filter': '查找',
   'io.extent': '显示的端子',

@@ -20,12 +20,13 @@ const REST_RAD_S = 0.001;
  * @property {import('./messages.js').Alarm[]} alarms
  * @property {import('./messages.js').Call[]} calls
  * @property {import('./messages.js').Move[]} moves
+ * @property {{bank: string, signal: string, index: number, value: boolean|number, wall: number, by: string}[]} byHand Outputs that pages have set.
  * @property {any} program
  */
 
 /** @returns {ArmRecord} */
 function emptyRecord() {
-  return { state: null, stateAt: 0, io: null, diagnostics: [], alarms: [], calls: [], moves: [], program: null };
+  return { state: null, stateAt: 0, io: null, diagnostics: [], alarms: [], calls: [], moves: [], byHand: [], program: null };
 }
 
 export class Store {
@@ -187,6 +188,7 @@ export class Store {
       case 'call': if (record) record.calls = withItem(record.calls, message.call, CALLS); break;
       case 'moves': if (record) record.moves = message.moves; break;
       case 'move': if (record) record.moves = withItem(record.moves, message.move, MOVES); break;
+      case 'by_hand': if (record) record.byHand = message.outputs; break;
       case 'program': if (record) record.program = message; break;
       default:
     }
