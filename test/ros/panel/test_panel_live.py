@@ -174,7 +174,10 @@ def test_a_sample_that_is_old_is_not_shown_as_new(page, live, arm):
 
 def test_curves_come_as_samples_and_shortened(page, live, arm):
     go_home(live)
+    since = len(page.messages)
     assert eventually(lambda: page.command("joint_move", arm, q=STAGE, speed=1.0, acc=4.0)["ok"])
+    moved = page.wait("move", lambda m: m["move"]["to"] is not None, since=since)["move"]
+    assert moved["to"] - moved["s"] > 0.1 and not moved["lost"], moved
     assert eventually(lambda: page.plots and page.plots[-1]["q"][0][-1] == pytest.approx(STAGE[0], abs=1e-3))
     times = [time for plot in page.plots for time in plot["s"]]
     assert times == sorted(times) and all(len(plot[name][5]) == len(plot["s"]) for plot in page.plots
