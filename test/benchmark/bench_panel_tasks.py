@@ -182,6 +182,7 @@ def run_list(hand):
         hand.choose("#list-point", name)
         hand.click("#list-run [data-t='list.add']")
     hand.click("#list-run [data-t='run.make_plan']")
+    hand.page.until("document.querySelector('#panel-run [data-t=\"run.planned\"]') !== null")
     hand.click("#panel-run .go")
     assert eventually(lambda: hand.operator.is_at(CORNERS[1])), hand.page.text("#panel-run")
 
