@@ -357,6 +357,7 @@ export const en = {
   'points.none': 'No points are stored yet.',
   'points.name': 'Name',
   'points.save': 'Store where the arm is',
+  'points.export': 'Export the cell data',
   'points.show': 'Show',
   'points.remove': 'Remove',
   'points.no_state': 'Where the arm is now is not known',

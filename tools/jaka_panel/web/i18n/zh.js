@@ -357,6 +357,7 @@ export const zh = {
   'points.none': '还没有点位。',
   'points.name': '名称',
   'points.save': '保存当前位置',
+  'points.export': '导出单元数据',
   'points.show': '显示',
   'points.remove': '删除',
   'points.no_state': '机械臂当前位置未知',
