@@ -167,10 +167,15 @@ def test_foreign_text_stays_text(panel, open_page):
 @pytest.mark.parametrize("language, dark", [("en-GB", False), ("zh-CN", True)])
 def test_a_screen_reader_finds_names_and_eyes_find_contrast(panel, open_page, language, dark):
     panel.first = [{"t": "alarms", "alarms": [
-        {"n": n, "wall": 0.0, "until": None, "level": level, "code": "0x1", "text": "text", "source": "driver"}
-        for n, level in enumerate(["error", "warning", "info"])]}]
+        {"n": n, "wall": time.time(), "until": None, "level": level, "code": "0x1", "text": "text", "source": "driver"}
+        for n, level in enumerate(["error", "warning", "info"])]},
+        {"t": "by_hand", "outputs": [{"bank": "cabinet", "signal": "digital", "index": 3, "value": True,
+                                      "wall": time.time(), "by": "page"}]}]
     page = open_page(control=True, language=language, dark=dark)
     assert page.evaluate("document.documentElement.lang") == {"en-GB": "en", "zh-CN": "zh-CN"}[language]
+    page.click("#drawer-bar > button")
+    page.until("document.querySelector('.plot-mark') !== null")
+    page.evaluate("document.querySelector('.plot-mark').focus()")
     page.evaluate(AXE.read_text(encoding="utf-8") + "; true")
     for tab in ("jog", "move", "run", "io", "setup", "simulator"):
         page.click("#tab-" + tab)
@@ -273,20 +278,23 @@ def test_marks_say_what_happened_on_the_axis_of_the_plots(panel, open_page):
     wall, now = time.time(), time.monotonic()
     panel.first = [
         {"t": "alarms", "alarms": [
-            {"n": n, "wall": wall - 8.0 * n, "until": None, "level": level, "code": "0x1", "text": "text",
+            {"n": n, "wall": wall - 15.0 - 25.0 * n, "until": None, "level": level, "code": "0x1", "text": "text",
              "source": "driver"} for n, level in enumerate(["error", "warning", "info"], 1)]},
         {"t": "calls", "calls": [
-            {"n": n, "wall": wall - 4.0 - n, "service": name, "name": name, "type": "", "caller": HOSTILE,
+            {"n": n, "wall": wall - 13.0 - n, "service": name, "name": name, "type": "", "caller": HOSTILE,
              "request": "", "answer": "", "took": 0.1, "ok": True, "error": ""}
             for n, name in enumerate(["get_io", "set_io"], 1)]},
-        {"t": "moves", "moves": [{"n": 1, "s": now - 20.0, "to": now - 12.0, "owner": "trajectory", "lost": False}]}]
+        {"t": "moves", "moves": [{"n": 1, "s": now - 90.0, "to": now - 82.0, "owner": "trajectory", "lost": False}]}]
     page = open_page()
+    page.resize(1440, 900)
     page.click("#drawer-bar > button")
+    page.click("[data-span='120']")
     page.until("document.querySelectorAll('.plot-mark').length === 4")
     kinds = page.evaluate("[...document.querySelectorAll('.plot-mark')].map((one) => [one.className.split(' ')[1], "
-                          "one.textContent, parseFloat(one.style.left)]).sort((a, b) => a[2] - b[2])")
+                          "one.dataset.shape, parseFloat(one.style.left)]).sort((a, b) => a[2] - b[2])")
     assert [kind[:2] for kind in kinds] == [["move", "▬"], ["warning", "▲"], ["error", "■"], ["call", "◆"]], kinds
-    assert all(abs(place - wanted) < 12.0 for (_, _, place), wanted in zip(kinds, (33, 46, 73, 80))), kinds
+    apart = [after[2] - before[2] for before, after in zip(kinds, kinds[1:])]
+    assert apart == pytest.approx([100.0 * 25.0 / 120.0] * 3, abs=1.5), kinds
     names = []
     page.evaluate("document.querySelector('.plot-mark[tabindex=\"0\"]').focus()")
     for key in ("Home", "ArrowRight", "ArrowRight", "ArrowRight"):

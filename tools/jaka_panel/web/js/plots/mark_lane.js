@@ -84,7 +84,7 @@ export class MarkLane {
       setAttribute(button, 'class', `plot-mark ${mark.kind}${mark.id === this.chosen ? ' chosen' : ''}`);
       setAttribute(button, 'tabindex', mark.id === this.stop ? '0' : '-1');
       setAttribute(button, 'aria-label', this.nameOf(group));
-      replaceText(button, SHAPES[mark.kind] + (group.length > 1 ? String(group.length) : ''));
+      setAttribute(button, 'data-shape', SHAPES[mark.kind] + (group.length > 1 ? String(group.length) : ''));
       button.style.left = `${(100 * (Math.max(mark.at, from) - from)) / (to - from)}%`;
     }
     this.say();

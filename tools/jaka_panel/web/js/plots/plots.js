@@ -42,7 +42,7 @@ export function mountPlots(root, app) {
   /** Server's clock less that of the page, s; the smallest delay counts. */
   let offset = -Infinity;
   let isSeen = true;
-  let historyAt = 0;
+  let historyAt = -Infinity;
   /** Whether the plots have begun with what the server has kept. */
   let isSeeded = false;
   const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
@@ -74,7 +74,7 @@ export function mountPlots(root, app) {
     else zoomed = null;
     setAttribute(pause, 'aria-pressed', String(paused));
     setText(pause, paused ? 'plots.go_on' : 'plots.pause');
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -83,7 +83,7 @@ export function mountPlots(root, app) {
     span = seconds;
     zoomed = null;
     for (const button of spans) setAttribute(button, 'aria-pressed', String(Number(button.dataset.span) === span));
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -119,7 +119,7 @@ export function mountPlots(root, app) {
     chart.plot.over.addEventListener('pointerleave', () => lane.leave());
     chart.plot.over.addEventListener('dblclick', () => {
       zoomed = null;
-      historyAt = 0;
+      historyAt = -Infinity;
       draw();
     });
   }
@@ -132,7 +132,7 @@ export function mountPlots(root, app) {
     plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
     if (!isPaused) setPaused(true);
     zoomed = [from, to];
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -180,7 +180,7 @@ export function mountPlots(root, app) {
    * @param {number} to s
    */
   async function fetchHistory(from, to) {
-    if (performance.now() - historyAt < HISTORY_MS || (isPaused && historyAt)) return;
+    if (performance.now() - historyAt < HISTORY_MS || (isPaused && historyAt > 0)) return;
     historyAt = performance.now();
     const seconds = connection.serverNow;
     for (const { kind, plot } of charts) {
