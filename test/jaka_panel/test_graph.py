@@ -11,10 +11,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from jaka_msgs.msg import RobotMsg
+from jaka_msgs.srv import SetIORequest
 from jaka_panel.graph import raw_messages, rotations
 from jaka_panel.graph.description import Description
 from jaka_panel.graph.motion_lists import StopWatch
-from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, text, whole
+from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, output_of, text, whole
 from jaka_panel.pages.files import page_file
 from jaka_panel.pages.hub import behind_a_sample
 from jaka_panel.plans.point_plan import WrongPlan, plan_of_points
@@ -59,6 +60,11 @@ def test_types_of_packages_that_are_not_installed_are_read():
     for point, values in ((state.desired, SIX), (state.actual, SIX[::-1]), (state.error, [0.0] * 6)):
         point.positions, point.velocities = values, values
     assert raw_messages.controller_state(raw(state)) == (12000000345, tuple(SIX), (0.0,) * 6)
+
+
+def test_the_output_that_a_call_sets_is_known_by_its_request():
+    request = SetIORequest(signal="analog", type=2, index=7, value=1.5)
+    assert output_of(str(request)) == ("extension", "analog", 7)
 
 
 def test_pages_are_told_between_two_samples():

@@ -4,6 +4,7 @@ import stat
 
 import pytest
 
+from jaka_panel.pages.access import Access
 from jaka_panel.settings import Settings, WrongSettings, is_loopback, settings_from, token_from_file
 
 
@@ -30,6 +31,28 @@ def test_other_computers_are_let_in_only_when_it_is_said(host):
     assert settings_from(["--host", host, "--tls-cert", "c", "--tls-key", "k"]).scheme == "https"
     with pytest.raises(WrongSettings, match="belong together"):
         settings_from(["--host", host, "--tls-cert", "c"])
+
+
+def test_behind_a_proxy_the_panel_has_the_proxys_name_and_listens_on_loopback():
+    behind = settings_from(["--behind-tls", "panel.example:8443", "--allow-name", "other"])
+    assert (behind.scheme, behind.names, behind.is_loopback) == ("https", ("other", "panel.example"), True)
+    assert behind.address(8080, "x") == "https://panel.example:8443/#token=x"
+    assert settings_from(["--behind-tls", "[::1]:1"]).names == ("::1",)
+    for more in (["--tls-cert", "c", "--tls-key", "k"], ["--host", "0.0.0.0", "--insecure-http"]):
+        with pytest.raises(WrongSettings, match="a proxy on this computer"):
+            settings_from(["--behind-tls", "panel.example", *more])
+
+
+def test_requests_through_a_proxy_have_its_name_and_its_scheme():
+    access = Access(settings_from(["--behind-tls", "panel.example"]))
+
+    def refusal(host, origin):
+        return access.refusal({"Host": host, "Origin": origin}, True)
+    assert refusal("panel.example", "https://panel.example") is None
+    for host, origin in (("panel.example", "http://panel.example"), ("panel.example", "https://evil.example"),
+                         ("evil.example", "https://evil.example"), ("panel.example:1", "https://panel.example"),
+                         ("127.0.0.1:8080", "https://panel.example"), ("127.0.0.1:8080", "http://127.0.0.1:8080")):
+        assert refusal(host, origin) is not None, (host, origin)
 
 
 def test_the_cells_data_are_kept_below_ros_home_unless_a_file_is_named(monkeypatch):
@@ -63,6 +86,7 @@ def test_the_tokens_file_is_made_kept_and_its_owners_alone(tmp_path):
 
 @pytest.mark.parametrize("words", [["--port", "x"], ["--port", "70000"], ["--pages", "0"], ["--max-jog-speed", "0"],
                                    ["--max-jog-speed", "nan"], ["--unknown"], ["--host", ""],
+                                   ["--behind-tls", ""], ["--behind-tls", "https://a"], ["--behind-tls", "A b"],
                                    ["--tls-cert", ""], ["--tls-key", " "], ["--token-file", ""], ["--cell-data", ""]])
 def test_wrong_options_end_it(words, capsys):
     with pytest.raises(SystemExit) as end:

@@ -76,6 +76,8 @@ async def _serve(settings: Settings) -> None:
 def _say(settings: Settings, port: int) -> None:
     """Print where the page is. It goes to the terminal only: whoever reads the token can move the arm."""
     print("jaka_panel: open %s" % settings.address(port, settings.token))
+    if settings.behind_tls is not None:
+        print("jaka_panel: its proxy connects to http://%s:%d" % (settings.host, port))
     if settings.read_only:
         print("jaka_panel: read-only: pages can watch, and stop, and nothing else")
     if not settings.is_loopback:

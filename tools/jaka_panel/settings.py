@@ -2,6 +2,7 @@
 import argparse
 import ipaddress
 import os
+import re
 import secrets
 import socket
 import stat
@@ -23,6 +24,9 @@ move the arm: it is a key.
 --host with anything but loopback lets other computers in. Then give --tls-cert and --tls-key, or --insecure-http: with
 that, everybody on the way reads the token, and can move the arm.
 
+--behind-tls names the panel as browsers call it where a proxy on this computer serves it by TLS: then pages of
+https://NAME may ask, and no others. The proxy must pass Host and WebSockets on as they are.
+
 A stop of this page is no emergency stop: it passes a browser, a network, this program and the driver.
 """
 
@@ -40,6 +44,7 @@ class Settings:
         port: First port to try.
         names: Host names by which the page may be called, besides loopback and addresses.
         tls: Certificate and key.
+        behind_tls: Name, and port where it is not 443, by which browsers reach a proxy that serves the panel by TLS.
         token: Secret that a page needs to give commands.
         read_only: True if nothing but a stop is passed on.
         logs: Folder whose logs can be replayed.
@@ -53,6 +58,7 @@ class Settings:
     port: int = PORT
     names: Tuple[str, ...] = ()
     tls: Optional[Tuple[str, str]] = None
+    behind_tls: Optional[str] = None
     token: str = ""
     read_only: bool = False
     logs: Optional[str] = None
@@ -68,11 +74,13 @@ class Settings:
 
     @property
     def scheme(self) -> str:
-        """The URL scheme of the panel's address: http or https."""
-        return "http" if self.tls is None else "https"
+        """The URL scheme of the address that browsers have of the panel: http or https."""
+        return "http" if self.tls is None and self.behind_tls is None else "https"
 
     def address(self, port: int, token: Optional[str] = None) -> str:
-        """Return the URL of the page on this computer, with the token where one is given."""
+        """Return the URL of the page on this computer, or at the proxy, with the token where one is given."""
+        if self.behind_tls is not None:
+            return "https://%s/%s" % (self.behind_tls, "" if token is None else "#token=" + token)
         return self._url(_LOOPBACKS.get(self.host, self.host), port, token)
 
     def address_elsewhere(self, port: int) -> str:
@@ -117,12 +125,15 @@ def settings_from(arguments: List[str]) -> Settings:
     if not is_loopback(options.host) and not options.tls_cert and not options.insecure_http:
         raise WrongSettings("--host %s lets other computers in: give --tls-cert and --tls-key, or --insecure-http, "
                             "with which everybody on the way can read the token and move the arm" % options.host)
+    if options.behind_tls is not None and (options.tls_cert or not is_loopback(options.host)):
+        raise WrongSettings("--behind-tls is for a proxy on this computer, which has the certificate: without "
+                            "--tls-cert, and with a --host that is loopback")
     if options.logs is not None and not os.path.isdir(options.logs):
         raise WrongSettings("--logs %s is no folder" % options.logs)
     token = token_from_file(options.token_file) if options.token_file else new_token()
     return Settings(
-        options.host, options.port, tuple(options.allow_name),
-        (options.tls_cert, options.tls_key) if options.tls_cert else None, token,
+        options.host, options.port, (*options.allow_name, *_names(options.behind_tls)),
+        (options.tls_cert, options.tls_key) if options.tls_cert else None, options.behind_tls, token,
         options.read_only, options.logs or None, options.max_jog_speed / 100.0, options.pages, options.simulator_panel,
         options.cell_data or default_cell_data())
 
@@ -170,6 +181,8 @@ def _parser() -> argparse.ArgumentParser:
                         help="address to listen on (default %s: this computer only)" % LOOPBACK)
     parser.add_argument("--tls-cert", type=_given, metavar="FILE", help="certificate, PEM")
     parser.add_argument("--tls-key", type=_given, metavar="FILE", help="its key, PEM")
+    parser.add_argument("--behind-tls", type=_authority, metavar="NAME[:PORT]",
+                        help="how browsers call a proxy on this computer that serves the panel by TLS, see below")
     parser.add_argument("--insecure-http", action="store_true", help="let other computers in without TLS, see below")
     parser.add_argument("--allow-name", action="append", default=[], metavar="NAME",
                         help="a host name by which browsers call this computer; addresses are allowed anyway")
@@ -194,6 +207,19 @@ def _given(text: str) -> str:
     if not text.strip():  # a variable of the shell that is not set must not be taken for no option
         raise argparse.ArgumentTypeError("it is empty")
     return text
+
+
+def _authority(text: str) -> str:
+    if not re.fullmatch(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(:[0-9]{1,5})?", text):
+        raise argparse.ArgumentTypeError("%r is no lower-case name, with a port where it is not 443" % text)
+    return text
+
+
+def _names(authority: Optional[str]) -> Tuple[str, ...]:
+    """Return the name in NAME[:PORT], without brackets, if there is one."""
+    if authority is None:
+        return ()
+    return (re.sub(r":[0-9]{1,5}$", "", authority).strip("[]"),)
 
 
 def _port(text: str) -> int:

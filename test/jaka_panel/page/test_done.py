@@ -275,6 +275,33 @@ def test_an_output_shows_what_the_controller_reports_not_what_was_asked(panel, o
     page.until("document.querySelector(%s).getAttribute('aria-checked') === 'true'" % json.dumps(switch))
 
 
+def test_an_output_that_was_set_by_hand_says_by_whom_until_it_is_set_otherwise(panel, open_page):
+    def by_hand(*outputs):
+        return {"t": "by_hand", "outputs": [{"bank": "cabinet", "signal": signal, "index": index, "value": value,
+                                             "wall": time.time(), "by": "<b>page"}
+                                            for signal, index, value in outputs]}
+    panel.first = [by_hand(("digital", 3, True), ("analog", 1, 2.5))]
+    panel.io["banks"]["cabinet"]["do"] += [False] * 30
+    said = "[...document.querySelectorAll('#panel-io .by-hand')].filter((one) => one.checkVisibility())" \
+           ".map((one) => one.closest('.terminal-name').textContent)"
+    page = open_page(language="en-GB")
+    page.click("#tab-io")
+    page.until(said + ".length === 2")
+    assert [one[:26] for one in page.evaluate(said)] == ["DO 3set by hand here, " + time.strftime("%H:%M")[:4],
+                                                         "AO 1set by hand here, " + time.strftime("%H:%M")[:4]]
+    assert all(one.endswith(", <b>page") for one in page.evaluate(said))
+    page.load_again()
+    page.until("document.querySelector('#mounted') !== null")
+    page.click("#tab-io")
+    page.until(said + ".length === 2")
+    panel.say(**by_hand(("digital", 3, True), ("digital", 40, False)))
+    page.until(said + ".map((one) => one.split('set')[0]).join() === 'DO 3,DO 40'", "an unusual one is shown for it")
+    page.click("#language")
+    page.until(said + ".every((one) => one.includes('在此手动设置，<b>page'))")
+    panel.say(**by_hand())
+    page.until(said + ".length === 0")
+
+
 def test_a_setting_is_read_asked_for_written_and_read_back(panel, open_page):
     frames = [{"p": [0.0, 0.0, 0.0], "r": [0.0, 0.0, 0.0]}, {"p": [0.0, 0.0, 0.12], "r": [0.0, 0.0, 0.0]}]
     held = {"tool": 1, "user_frame": 0, "tools": frames, "user_frames": frames, "collision_level": 2,

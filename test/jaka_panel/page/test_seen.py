@@ -167,10 +167,15 @@ def test_foreign_text_stays_text(panel, open_page):
 @pytest.mark.parametrize("language, dark", [("en-GB", False), ("zh-CN", True)])
 def test_a_screen_reader_finds_names_and_eyes_find_contrast(panel, open_page, language, dark):
     panel.first = [{"t": "alarms", "alarms": [
-        {"n": n, "wall": 0.0, "until": None, "level": level, "code": "0x1", "text": "text", "source": "driver"}
-        for n, level in enumerate(["error", "warning", "info"])]}]
+        {"n": n, "wall": time.time(), "until": None, "level": level, "code": "0x1", "text": "text", "source": "driver"}
+        for n, level in enumerate(["error", "warning", "info"])]},
+        {"t": "by_hand", "outputs": [{"bank": "cabinet", "signal": "digital", "index": 3, "value": True,
+                                      "wall": time.time(), "by": "page"}]}]
     page = open_page(control=True, language=language, dark=dark)
     assert page.evaluate("document.documentElement.lang") == {"en-GB": "en", "zh-CN": "zh-CN"}[language]
+    page.click("#drawer-bar > button")
+    page.until("document.querySelector('.plot-mark') !== null")
+    page.evaluate("document.querySelector('.plot-mark').focus()")
     page.evaluate(AXE.read_text(encoding="utf-8") + "; true")
     for tab in ("jog", "move", "run", "io", "setup", "simulator"):
         page.click("#tab-" + tab)
@@ -267,6 +272,47 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
     page.until_text(".plot-bar > button", "Go on")
     page.click(".plot-bar > button")
     page.until_text(".plot-bar > button", "Pause")
+
+
+def test_marks_say_what_happened_on_the_axis_of_the_plots(panel, open_page):
+    wall, now = time.time(), time.monotonic()
+    panel.first = [
+        {"t": "alarms", "alarms": [
+            {"n": n, "wall": wall - 15.0 - 25.0 * n, "until": None, "level": level, "code": "0x1", "text": "text",
+             "source": "driver"} for n, level in enumerate(["error", "warning", "info"], 1)]},
+        {"t": "calls", "calls": [
+            {"n": n, "wall": wall - 13.0 - n, "service": name, "name": name, "type": "", "caller": HOSTILE,
+             "request": "", "answer": "", "took": 0.1, "ok": True, "error": ""}
+            for n, name in enumerate(["get_io", "set_io"], 1)]},
+        {"t": "moves", "moves": [{"n": 1, "s": now - 90.0, "to": now - 82.0, "owner": "trajectory", "lost": False}]}]
+    page = open_page()
+    page.resize(1440, 900)
+    page.click("#drawer-bar > button")
+    page.click("[data-span='120']")
+    page.until("document.querySelectorAll('.plot-mark').length === 4")
+    kinds = page.evaluate("[...document.querySelectorAll('.plot-mark')].map((one) => [one.className.split(' ')[1], "
+                          "one.dataset.shape, parseFloat(one.style.left)]).sort((a, b) => a[2] - b[2])")
+    assert [kind[:2] for kind in kinds] == [["move", "▬"], ["warning", "▲"], ["error", "■"], ["call", "◆"]], kinds
+    apart = [after[2] - before[2] for before, after in zip(kinds, kinds[1:])]
+    assert apart == pytest.approx([100.0 * 25.0 / 120.0] * 3, abs=1.5), kinds
+    names = []
+    page.evaluate("document.querySelector('.plot-mark[tabindex=\"0\"]').focus()")
+    for key in ("Home", "ArrowRight", "ArrowRight", "ArrowRight"):
+        page.key(key)
+        names.append(page.text(".mark-said"))
+        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == names[-1]
+    assert "motion of 8.0 s: a trajectory" in names[0] and "warning: 0x1 text" in names[1], names
+    assert "alarm: 0x1 text" in names[2] and "call set_io by " + HOSTILE in names[3], names
+    page.evaluate("document.activeElement.blur()")
+    page.until("document.querySelector('.mark-said').hidden")
+    page.click(".plot-bar > button")
+    x, y = page.place(".plot-mark.error")
+    page.mouse("Moved", x, y + 40)
+    page.until_text(".mark-said", "alarm: 0x1 text")
+    page.mouse("Moved", x, 5)
+    page.until("document.querySelector('.mark-said').hidden")
+    page.click("#language")
+    page.until("document.querySelector('.plot-mark.move').getAttribute('aria-label').includes('运动 8.0 秒：轨迹')")
 
 
 def test_only_what_can_be_seen_of_an_unknown_arm_is_claimed(panel, open_page):

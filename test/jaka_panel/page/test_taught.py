@@ -41,8 +41,8 @@ def test_a_frame_is_taught_kept_and_set_after_a_question(panel, open_page):
     page.click("#teach-frame [data-point=check]")
     page.until_text("#teach-frame .mark", "0.80 mm off the plane")
     page.until_text("#teach-frame .said", "400.0 / 100.0 / 200.0 mm")
-    page.click("#teach-user_frame-name")
-    page.call("Input.insertText", text="table <b>")
+    assert page.evaluate("document.querySelector('#teach-user_frame-name').value") == "Frame 1"
+    page.type("#teach-user_frame-name", "table <b>")
     page.click("#teach-user_frame-name + button")
     until(lambda: "table <b>" in panel.cell.get("user_frames", {}).get(ARM, {}), "it is kept")
     kept = panel.cell["user_frames"][ARM]["table <b>"]
@@ -54,6 +54,16 @@ def test_a_frame_is_taught_kept_and_set_after_a_question(panel, open_page):
     page.click("#teach-frame .needs-control")
     until(lambda: panel.sent("user_frame"), "it is set after the second press")
     assert panel.sent("user_frame")[0]["args"] == {"number": 1, "p": kept["p"], "r": kept["r"]}
+    page.type("#teach-user_frame-name", "shelf")
+    for _ in range(2):
+        page.click("#teach-frame .needs-control")
+    until(lambda: len(panel.sent("user_frame")) == 2, "it is set")
+    assert "shelf" in panel.cell["user_frames"][ARM], "and kept before that"
+    page.type("#teach-user_frame-name", "")
+    for _ in range(2):
+        page.click("#teach-frame .needs-control")
+    page.until_text("#toasts", "Give it a name first")
+    assert len(panel.sent("user_frame")) == 2
     page.click("#tab-cell")
     page.until_text("#panel-cell .points", "table <b>")
 
@@ -78,6 +88,8 @@ def test_points_of_the_browser_are_offered_once_and_changes_of_others_are_shown(
     page.click("#tab-move")
     page.until_text("#panel-move .points", "of another page")
     page.until_text("#panel-move .points", "old")
+    page.click("#panel-move [data-t='points.export']")
+    until(lambda: [one["args"]["version"] for one in panel.sent("cell_export")] == [None], "they are exported")
 
 
 def test_a_list_of_motions_is_made_drawn_kept_and_run(panel, open_page):
@@ -89,8 +101,8 @@ def test_a_list_of_motions_is_made_drawn_kept_and_run(panel, open_page):
     page.click("#tab-run")
     add = "#list-run .buttons > button[data-t='list.add']"
     page.click(add)
+    assert page.evaluate("document.querySelector('#list-point').value") == "b <i>", "the next point is chosen"
     page.click("#list-run [data-name=arc]")
-    page.evaluate("document.querySelector('#list-point').value = 'b <i>'")
     page.click(add)
     page.click("#list-run [data-name=wait]")
     page.click(add)

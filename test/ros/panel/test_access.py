@@ -2,6 +2,7 @@
 import contextlib
 import json
 import os
+import re
 import socket
 import subprocess
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 from panel_page import Page, PanelProcess, get, refused
+from tls_proxy import TlsProxy
 from waiting import WAIT, eventually
 
 LOGGED = 100000
@@ -310,30 +312,55 @@ def test_a_page_that_asked_and_goes_takes_nothing_from_the_one_that_has_control(
         assert one.counts["jog_speed"] == told, "the jog's speed is as it was: no hold was ended"
 
 
-def test_with_tls_everything_is_served_too(loop, ros_node, tmp_path):
-    cert, key = str(tmp_path / "cert.pem"), str(tmp_path / "key.pem")
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    """Return the files of a certificate for localhost and its key."""
+    folder = tmp_path_factory.mktemp("tls")
+    cert, key = str(folder / "cert.pem"), str(folder / "key.pem")
     subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost",
                     "-keyout", key, "-out", cert, "-days", "1"], check=True, stderr=subprocess.DEVNULL)
+    return cert, key
+
+
+async def talk(address, token):
+    """Ask for the arms, stop, and open a page with the token and one without; return the answers and both welcomes."""
+    async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=False)) as session:
+        async with session.get(address + "api/info") as answer:
+            info = await answer.json()
+        headers = {"Origin": address.rstrip("/"), "Authorization": "Bearer " + token}
+        async with session.post(address + "api/stop", headers=headers) as answer:
+            stopped = await answer.json()
+        welcomes = []
+        for given in (token, None):
+            async with session.ws_connect(address + "ws", headers=headers, protocols=(
+                    "jaka-panel.v1", "token.%s" % given)) as page:
+                await page.send_json({"t": "hello", "v": 1, "token": given, "name": "x"})
+                welcomes.append(await page.receive_json())
+        return info, stopped, welcomes
+
+
+def test_with_tls_everything_is_served_too(loop, ros_node, certificate):
+    cert, key = certificate
     with PanelProcess("--tls-cert", cert, "--tls-key", key, "--pages", "3", name="secret") as panel:
         assert panel.address.startswith("https://")
-
-        async def talk():
-            async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=False)) as session:
-                async with session.get(panel.address + "api/info") as answer:
-                    info = await answer.json()
-                headers = {"Origin": panel.address.rstrip("/"), "Authorization": "Bearer " + panel.token}
-                async with session.post(panel.address + "api/stop", headers=headers) as answer:
-                    stopped = await answer.json()
-                welcomes = []
-                for token in (panel.token, None):
-                    async with session.ws_connect(panel.address + "ws", headers=headers, protocols=(
-                            "jaka-panel.v1", "token.%s" % token)) as page:
-                        await page.send_json({"t": "hello", "v": 1, "token": token, "name": "x"})
-                        welcomes.append(await page.receive_json())
-                return info, stopped, welcomes
-        info, stopped, welcomes = loop.run(talk())
+        info, stopped, welcomes = loop.run(talk(panel.address, panel.token))
         assert info["arms"] == [] and stopped["ok"]
         assert [welcome["may"] for welcome in welcomes] == ["command", "watch"]
+
+
+def test_behind_a_proxy_with_tls_everything_is_served_to_its_own_pages(loop, ros_node, certificate):
+    with TlsProxy(loop, *certificate) as proxy, PanelProcess(
+            "--behind-tls", "localhost:%d" % proxy.port, "--pages", "3", name="behind") as panel:
+        proxy.target = int(re.search(r"connects to http://127.0.0.1:([0-9]+)", "".join(panel.said)).group(1))
+        assert panel.address == "https://localhost:%d/" % proxy.port
+        info, stopped, welcomes = loop.run(talk(panel.address, panel.token))
+        assert info["arms"] == [] and stopped["ok"]
+        assert [welcome["may"] for welcome in welcomes] == ["command", "watch"]
+        panel.port = proxy.target
+        assert refused(loop, panel) == 403, "a page that came past the proxy"
+        for name in ("localhost:%d" % proxy.port, "127.0.0.1:%d" % proxy.port):
+            status, headers, _ = get(loop, panel, "/api/info", Host=name, Connection="keep-alive")
+            assert (status, headers["connection"]) == (200, "close"), "no connection carries requests of two browsers"
 
 
 def test_read_only_passes_on_a_stop_and_nothing_else(loop, ros_node):

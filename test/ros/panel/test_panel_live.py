@@ -13,6 +13,7 @@ from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
 from waiting import WAIT, eventually
 
+from jaka_msgs.srv import SetIO
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import (
@@ -173,7 +174,10 @@ def test_a_sample_that_is_old_is_not_shown_as_new(page, live, arm):
 
 def test_curves_come_as_samples_and_shortened(page, live, arm):
     go_home(live)
+    since = len(page.messages)
     assert eventually(lambda: page.command("joint_move", arm, q=STAGE, speed=1.0, acc=4.0)["ok"])
+    moved = page.wait("move", lambda m: m["move"]["to"] is not None, since=since)["move"]
+    assert moved["to"] - moved["s"] > 0.1 and not moved["lost"], moved
     assert eventually(lambda: page.plots and page.plots[-1]["q"][0][-1] == pytest.approx(STAGE[0], abs=1e-3))
     times = [time for plot in page.plots for time in plot["s"]]
     assert times == sorted(times) and all(len(plot[name][5]) == len(plot["s"]) for plot in page.plots
@@ -182,7 +186,28 @@ def test_curves_come_as_samples_and_shortened(page, live, arm):
     lowest, highest = (kind(value for value in column if value is not None) for kind, column in (
         (min, answer["min"][0]), (max, answer["max"][0])))
     assert lowest == pytest.approx(HOME[0], abs=1e-3) and highest == pytest.approx(STAGE[0], abs=1e-3)
-    assert len(answer["s"]) <= 50 and len(answer["min"][0]) == len(answer["s"])
+    assert len(answer["min"][0]) == len(answer["s"]) == len(answer["last"])
+
+
+def test_an_output_set_by_hand_is_marked_for_all_pages_until_something_else_sets_it(page, panel, loop, live, arm):
+    def marks(reader):
+        told = [m for m in reader.messages if m["t"] == "by_hand"]
+        return told and [(one["index"], one["value"], one["by"]) for one in told[-1]["outputs"]]
+    output = {"signal": "digital", "bank": "cabinet"}
+    for index in (8, 9):
+        assert eventually(lambda index=index: page.command("set_output", arm, **output, index=index, value=True)["ok"])
+    both = [(8, True, "operator"), (9, True, "operator")]
+    assert eventually(lambda: marks(page) == both), marks(page)
+    with Page(loop, panel, name="later") as later:
+        later.watch(arm)
+        assert eventually(lambda: marks(later) == both), "a page that comes later"
+        page.wait("io", lambda m: m["banks"]["cabinet"]["do"][8] and m["banks"]["cabinet"]["do"][9])
+        set_io = rospy.ServiceProxy(arm + "/set_io", SetIO)
+        assert set_io("digital", 0, 9, 1.0).ret == 1, "by somebody else, to the same value"
+        assert eventually(lambda: marks(later) == marks(page) == both[:1]), marks(page)
+    for index in (8, 9):
+        assert eventually(lambda index=index: page.command("set_output", arm, **output, index=index, value=False)["ok"])
+    assert eventually(lambda: marks(page) == [(8, False, "operator"), (9, False, "operator")]), marks(page)
 
 
 def test_each_setting_does_what_it_says(page, live, arm):

@@ -24,7 +24,7 @@ OPTIONS = ("--headless", "--no-sandbox", "--remote-debugging-pipe", "--no-first-
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 NO_WEBGL = ("--disable-gpu", "--disable-3d-apis", "--disable-software-rasterizer")
 KEYS = {"Enter": ("Enter", 13, "\r"), " ": ("Space", 32, " "), "Escape": ("Escape", 27, ""), "Tab": ("Tab", 9, ""),
-        "ArrowRight": ("ArrowRight", 39, "")}
+        "ArrowRight": ("ArrowRight", 39, ""), "Home": ("Home", 36, "")}
 GONE = ("Inspected target navigated or closed", "Execution context was destroyed.",
         "Cannot find context with specified id")
 """Errors in which Chromium tells of a document that gives way to the next one while an expression is evaluated."""

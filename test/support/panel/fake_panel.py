@@ -215,7 +215,7 @@ class FakePanel:
                 await self._send(socket, dict(done, **answer))
         elif kind == "history":
             await self._send(socket, {"t": "history", "id": said["id"], "ok": True, "what": said["what"], "s": [],
-                                      "min": [[]] * 6, "max": [[]] * 6})
+                                      "last": [], "min": [[]] * 6, "max": [[]] * 6})
 
     def _control(self, page: str) -> Dict[str, Any]:
         def named(one: str) -> Dict[str, str]:

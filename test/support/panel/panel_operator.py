@@ -30,11 +30,11 @@ class Operator:
         moments: By way of release: (when the last heartbeat that could count was sent, when rest was seen).
     """
 
-    def __init__(self, folder, **parameters):
+    def __init__(self, folder, panel=(), **parameters):
         self.stack = contextlib.ExitStack()
         self.live = self.stack.enter_context(LiveDriver(folder, name="jogging", **parameters))
         self.live.arm.wait_until_ready()
-        self.panel = PanelProcess()
+        self.panel = PanelProcess(*panel)
         self.browser = Browser()
         self.page = self.other = None
         self.moments = {}

@@ -16,9 +16,12 @@ from rosgraph_msgs.msg import Log
 from roslib import message as roslib_message
 
 from ..record.alarms import AlarmBook, event_of
+from ..record.hand_outputs import HandOutputs, Key
 from ..record.history import Differences, History
+from ..record.moves import MoveBook
 from . import raw_messages
 from .arms import Driver
+from .requests import output_of
 from .rotations import vector_from_quaternion, vector_from_rpy
 
 _LOG = logging.getLogger(__name__)
@@ -63,6 +66,8 @@ class ArmFeed:
         driver: The driver as the master knows it.
         alarms: Alarms and notes.
         history: Curves of the joints, while somebody watches.
+        moves: Motions, while somebody watches.
+        hand_outputs: Outputs that pages have set; changed in the thread that takes the news.
         simulated: True, False, or None while it is not known.
         joints_heard_at: Reception of the newest sample of the joints, monotonic time, s; -1e9 before the first.
         stops: Number of calls that stopped the arm, by whomever.
@@ -73,6 +78,8 @@ class ArmFeed:
         self.driver = driver
         self.alarms = AlarmBook()
         self.history = History()
+        self.moves = MoveBook()
+        self.hand_outputs = HandOutputs()
         self.simulated: Optional[bool] = None
         self.joints_heard_at = -1e9
         self.stops = 0
@@ -187,9 +194,15 @@ class ArmFeed:
                 error = errors.popleft()[1]
             rows.append((at, position, speeds, error))
             self.history.add(at, (position, speeds, error))
+            self._note_moves(self.moves.sample(at, speeds))
+        self._note_moves(self.moves.look(now))
         return {"s": [round(row[0], 4) for row in rows],
                 **{name: [[None if row[n] is None else round(row[n][joint], 6) for row in rows]  # type: ignore[index]
                           for joint in range(raw_messages.JOINTS)] for n, name in ((1, "q"), (2, "dq"), (3, "e"))}}
+
+    def _note_moves(self, moves: List[Dict[str, Any]]) -> None:
+        if moves:
+            self._events.append(lambda: [{"t": "move", "move": move} for move in moves])
 
     def _new_errors(self) -> Deque[Tuple[float, Tuple[float, ...]]]:
         errors: Deque[Tuple[float, Tuple[float, ...]]] = deque()
@@ -301,8 +314,9 @@ class ArmFeed:
         """Return the messages for a page that begins to watch, besides ``state``."""
         calls = {"t": "calls", "calls": list(self._calls)}
         alarms = {"t": "alarms", "alarms": self.alarms.all()}
+        moves = {"t": "moves", "moves": self.moves.all()}
         io = [] if self._io is None else [self._io_message(now)]
-        return [*self._said.values(), *io, alarms, calls]
+        return [*self._said.values(), *io, alarms, calls, moves, self._by_hand()]
 
     def take_news(self, now: float) -> List[Dict[str, Any]]:
         """Return the messages of what has changed since the last call, oldest first."""
@@ -316,12 +330,22 @@ class ArmFeed:
         if self._io is not None and self._io_at > self._told_io_at and now - self._told_io_at >= _IO_PERIOD_S:
             self._told_io_at = now
             news.append(self._io_message(now))
+            if self.hand_outputs.look(news[-1]["banks"], self._io_at):
+                news.append(self._by_hand())
         news += self._status_event()
         return news
 
     def note(self, level: str, text: str) -> None:
         """Put what this panel did among the alarms."""
         self._events.append(lambda: self._alarm_news(self.alarms.note(time.time(), level, text, "panel")))
+
+    def set_by_hand(self, key: Key, value: Any, by: str) -> None:
+        """Mark an output that a page has set and read back."""
+        self.hand_outputs.set(key, value, by, time.monotonic(), time.time())
+        self._events.append(lambda: [self._by_hand()])
+
+    def _by_hand(self) -> Dict[str, Any]:
+        return {"t": "by_hand", "outputs": self.hand_outputs.all()}
 
     def _status_event(self) -> List[Dict[str, Any]]:
         """Record the controller's event from ``~robot_status``, which comes earlier than /diagnostics."""
@@ -374,7 +398,12 @@ class ArmFeed:
                 "request": message.request_text[:_LONGEST_TEXT], "answer": message.response_text[:_LONGEST_TEXT],
                 "took": round(message.duration, 5), "ok": bool(message.success), "error": message.error[:_LONGEST_TEXT]}
         self._calls.append(call)
-        return [{"t": "call", "call": call}]
+        news: List[Dict[str, Any]] = [{"t": "call", "call": call}]
+        if call["name"] == "set_io" and message.success:
+            key = output_of(message.request_text)
+            if self.hand_outputs.called(key, message.caller == rospy.get_name(), time.monotonic()):
+                news.append(self._by_hand())
+        return news
 
     def _take_program(self, message: Any) -> None:
         self._events.append(lambda: self._changed("program", {
@@ -412,6 +441,8 @@ class ArmFeed:
                 "user_id": _whole(state.get("user frame")), "event": event,
                 "held_by": next((status["message"][len("held by "):] for status in shown
                                  if status["name"] == "velocity jog" and status["message"].startswith("held by ")), "")}
+            owner = self._condition["owner"]
+            self._note_moves(self.moves.name("" if owner in (None, "nobody") else owner))
             is_alarm = any(status["name"] == "controller state" and status["level"] == 2 for status in shown)
             news += self._alarm_news(self.alarms.event(time.time(), event[0], event[1], is_alarm))
         return news + self._changed("diag", {"status": shown})

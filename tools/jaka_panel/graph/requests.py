@@ -10,6 +10,7 @@ import rospy
 import yaml
 from roslib import message as roslib_message
 
+from ..record.hand_outputs import Key
 from .arms import Driver
 from .rotations import rpy_from_vector, vector_from_rpy
 
@@ -149,6 +150,13 @@ def _set_output(driver: Driver, args: Mapping[str, Any]) -> CallResult:
         abs(read.value - wanted) <= _READ_BACK * max(1.0, abs(wanted)))
     shown = bool(read.value) if signal == "digital" else round(read.value, 6)
     return CallResult(done.ok and is_same, done.message if is_same else "read back %s" % shown, {"value": shown})
+
+
+def output_of(request_text: str) -> Key:
+    """Return the output that a call of ``~set_io`` names, by its request as text."""
+    request = yaml.safe_load(request_text)
+    bank = next((name for name, number in BANKS.items() if number == request["type"]), str(request["type"]))
+    return bank, str(request["signal"]), int(request["index"])
 
 
 def _terminal(driver: Driver, args: Mapping[str, Any]) -> int:

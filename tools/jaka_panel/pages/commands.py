@@ -7,7 +7,7 @@ from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
 from ..cell.contents import SECTIONS, WrongCell
 from ..graph import motion_lists, trajectories
 from ..graph.calls import Calls, NoAnswer, TooManyCalls
-from ..graph.requests import MOTION_S, REQUESTS, CallResult, WrongRequest, number, text
+from ..graph.requests import BANKS, MOTION_S, REQUESTS, CallResult, WrongRequest, number, text, whole
 from ..plans.motion_list import ListPlan
 from ..plans.plan_store import LOG_TIMEOUT_S
 from ..plans.point_plan import WrongPlan, plan_of_points
@@ -65,6 +65,16 @@ async def _service(name: str, hub: Hub, page: Session, desk: ArmDesk, args: Args
     finally:
         if request.is_motion:
             page.ends_motion(desk.driver.node, time.monotonic())
+
+
+async def _set_output(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
+    """Set an output by hand; it is marked so until something else sets it."""
+    key = text(args, "bank", tuple(BANKS)), text(args, "signal"), whole(args, "index")
+    desk.feed.hand_outputs.expect(key, time.monotonic())
+    outcome = await _service("set_output", hub, page, desk, args)
+    if outcome.ok and outcome.data is not None:
+        desk.feed.set_by_hand(key, outcome.data["value"], page.name)
+    return outcome
 
 
 async def _jog_speed(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
@@ -176,8 +186,8 @@ def _of_cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], i
 
 COMMANDS: Dict[str, Command] = {
     **{name: Command(functools.partial(_service, name), request.needs_control) for name, request in REQUESTS.items()},
-    "jog_speed": Command(_jog_speed, needs_arm=False), "plan_points": Command(_plan_points),
-    "plan_list": Command(_plan_list),
+    "set_output": Command(_set_output), "jog_speed": Command(_jog_speed, needs_arm=False),
+    "plan_points": Command(_plan_points), "plan_list": Command(_plan_list),
     "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
     "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False),
     "cell_change": _of_cell(CellDesk.change), "cell_upload": _of_cell(CellDesk.upload),

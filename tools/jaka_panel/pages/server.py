@@ -73,6 +73,8 @@ class Server:
                 response = web.Response(status=error.status, text=error.reason + "\n", headers={
                     name: value for name, value in error.headers.items() if name == "Allow"})
         if not response.prepared:
+            if self._settings.behind_tls is not None:
+                response.force_close()  # a proxy would send others' requests on it: the first one decides who serves it
             response.headers.update(HEADERS)
             response.headers.setdefault("Cache-Control", "no-cache")
         peer.answered()

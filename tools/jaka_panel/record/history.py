@@ -9,6 +9,8 @@ SECONDS = 600.0
 _RATE = 125
 _JOINTS = 6
 MOST_BUCKETS = 4000
+GAP_S = 0.3
+"""Time between two samples, s, above which there is a gap between them: they are never joined."""
 
 
 class History:
@@ -39,22 +41,24 @@ class History:
             buckets: 1 to ``MOST_BUCKETS``.
 
         Returns:
-            ``s``: the middle of each part that has samples; ``min`` and ``max``: for each joint one number a part, None
-            where it has none.
+            For each part that has samples ``s`` and ``last``, the times of its first and last one, and ``min`` and
+            ``max``, for each joint one number a part, None where it has none. A part with a gap in it is divided there.
         """
         order = np.concatenate((np.arange(self._next, len(self._time)), np.arange(self._next)))
         time = self._time[order]
         first, last = np.searchsorted(time, (begin, end))
-        chosen = order[first:last]
-        part = ((time[first:last] - begin) * (buckets / (end - begin))).astype(int).clip(0, buckets - 1)
-        filled, starts = np.unique(part, return_index=True)
+        chosen, time = order[first:last], time[first:last]
+        if not len(time):
+            return {"s": [], "last": [], "min": [[] for _ in range(_JOINTS)], "max": [[] for _ in range(_JOINTS)]}
+        part = ((time - begin) * (buckets / (end - begin))).astype(int).clip(0, buckets - 1)
+        is_begin = np.append(True, (np.diff(part) > 0) | (np.diff(time) > GAP_S))
+        starts = np.flatnonzero(is_begin)
+        ends = np.append(starts[1:], len(time)) - 1
         values = self._values[chosen, KINDS.index(kind)]
-        middle = begin + (filled + 0.5) * ((end - begin) / buckets)
-        if not len(filled):
-            return {"s": [], "min": [[] for _ in range(_JOINTS)], "max": [[] for _ in range(_JOINTS)]}
         # fmin and fmax pass over NaN; a part of NaN alone stays NaN
         low, high = (_columns(reduce.reduceat(values, starts)) for reduce in (np.fmin, np.fmax))
-        return {"s": [round(value, 3) for value in middle.tolist()], "min": low, "max": high}
+        begins, lasts = ([round(value, 4) for value in time[at].tolist()] for at in (starts, ends))
+        return {"s": begins, "last": lasts, "min": low, "max": high}
 
 
 def _columns(rows: Any) -> List[List[Optional[float]]]:

@@ -37,7 +37,7 @@ test('every key that the page names has a text, and every text is used', () => {
   assert.deepEqual(named.filter((key) => !(key in en)), []);
   const made = ['tab', 'state.name', 'motion', 'level', 'source', 'diagnostics', 'cmd', 'jog.space', 'jog.step', 'jog.end', 'may', 'plots',
     'view', 'io.bank', 'setup', 'program', 'sim.fault', 'move.kind', 'link', 'line', 'owner', 'wall', 'size', 'io.extent',
-    'teach.point', 'cell.kept', 'list.kind', 'list.value'];
+    'teach.point', 'teach.name', 'cell.kept', 'list.kind', 'list.value', 'mark'];
   assert.deepEqual(Object.keys(en).filter((key) => !all.includes(`'${key}'`) && !all.includes(`"${key}"`)
     && !made.some((start) => key.startsWith(`${start}.`))), []);
 });

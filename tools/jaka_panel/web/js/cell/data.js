@@ -3,6 +3,7 @@ import { h, replaceText, setText } from '../ui/dom.js';
 import { DEGREES, fixed, rpyFromRotationVector } from '../ui/format.js';
 import { numberField, readAll } from '../ui/field.js';
 import { toast } from '../ui/toast.js';
+import { exportCell } from './export.js';
 import { makeLayout, makeNames } from './names.js';
 import { twiceButton } from './twice.js';
 
@@ -151,9 +152,9 @@ function makeFile(app) {
   const select = /** @type {HTMLSelectElement} */ (h('select', { id: 'cell-version' }));
   const file = /** @type {HTMLInputElement} */ (h('input', { type: 'file', id: 'cell-import', accept: '.json,application/json' }));
   let isFilled = false;
-  const take = h('button', { type: 'button', t: 'cell.export', on: { click: () => void download(null) } });
+  const take = h('button', { type: 'button', t: 'cell.export', on: { click: () => void exportCell(app) } });
   const takeVersion = h('button', { type: 'button', t: 'cell.export', on: { click: () => {
-    if (select.value) void download(Number(select.value));
+    if (select.value) void exportCell(app, Number(select.value));
   } } });
   const bring = twiceButton('cell.import', 'cell.import_sure', async () => {
     const chosen = file.files?.[0];
@@ -169,19 +170,6 @@ function makeFile(app) {
   const restore = twiceButton('cell.restore', 'cell.restore_sure', async () => {
     if (select.value) say(await cell.ask('cell_restore', { version: Number(select.value) }), 'cell.restore');
   });
-
-  /** @param {number|null} version */
-  async function download(version) {
-    const answer = await cell.ask('cell_export', { version });
-    if (!answer.ok) {
-      say(answer, 'cell.export');
-      return;
-    }
-    const address = URL.createObjectURL(new Blob([answer.data.text], { type: 'application/json' }));
-    const link = h('a', { href: address, download: `cell-${version ?? cell.revision}.json` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(address), 10000);
-  }
 
   async function fill() {
     if (!app.store.welcome || app.store.welcome.may === 'watch') return;

@@ -112,6 +112,7 @@ export function makeListRun(app, take) {
     const step = typed();
     if (!step || steps.length >= MOST) return;
     change([...steps, step]);
+    if (step.point && point.selectedIndex < point.length - 1) point.selectedIndex += 1;  // lists go from point to point
   } } });
 
   /** @param {Step[]} next */

@@ -78,26 +78,35 @@ function makeResult(app, { section, cmd, highest }) {
   const name = /** @type {HTMLInputElement} */ (h('input', { type: 'text', id: `teach-${cmd}-name`, maxlength: LONGEST, autocomplete: 'off' }));
   const number = numberField({ label: 'setup.number', unit: `1–${highest}`, decimals: 0, value: 1, low: 1, high: highest });
   const keep = h('button', { type: 'button', t: 'teach.keep', on: { click: () => void store() } });
-  const set = twiceButton('teach.set', 'teach.set_sure', async () => {
+  const set = twiceButton('teach.keep_and_set', 'teach.set_sure', async () => {
     const [chosen] = readAll([number]) ?? [];
-    if (!entry || chosen === undefined) return;
+    if (!entry || chosen === undefined || !await store()) return;
     await app.command(cmd, { number: Math.round(chosen), p: entry.p, r: entry.r });
   }, { needs: 'setting', values: () => ({ number: number.input.value }) });
   const element = h('div', { hidden: true }, said, error,
     h('div', { class: 'buttons' }, h('label', { for: name.id, t: 'points.name' }), name, keep),
     h('div', { class: 'buttons' }, number.element, set));
 
+  /** @returns {Promise<boolean>} Whether it is kept. */
   async function store() {
     const typed = name.value.trim();
     if (!entry || !typed) {
       toast('teach.name_first', 'bad', 'teach.keep');
       name.focus();
-      return;
+      return false;
     }
     const chosen = number.value();
     const answer = await app.cell.change([{ section, arm: app.store.chosen, name: typed,
       entry: { ...entry, ...(Number.isNaN(chosen) ? {} : { number: Math.round(chosen) }) } }]);
     toast(answer.ok ? 'cmd.done' : (answer.message || 'cmd.failed'), answer.ok ? 'good' : 'bad', 'teach.keep');
+    return answer.ok;
+  }
+
+  /** @returns {string} A name that no frame of the arm has. */
+  function freeName() {
+    let count = 1;
+    while (app.cell.entry(section, app.store.chosen, app.say(`teach.name.${section}`, { n: count }))) count += 1;
+    return app.say(`teach.name.${section}`, { n: count });
   }
 
   return {
@@ -111,6 +120,7 @@ function makeResult(app, { section, cmd, highest }) {
       entry = next;
       element.hidden = next === null;
       if (!next) return;
+      name.value ||= freeName();
       const turn = rpyFromRotationVector(next.r).map((value) => fixed(value * DEGREES, 2)).join(' / ');
       setText(said, 'teach.result', { p: millimetres(next.p), r: `${turn} °` });
       setText(error, errorKey, values);

@@ -7,6 +7,7 @@ import { h, replaceText, setAttribute, setText } from '../ui/dom.js';
 import { fixed } from '../ui/format.js';
 import { actionButton, numberField } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
+import { timeOfDay } from '../state/events.js';
 import { nameOf } from './io_names.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -26,7 +27,7 @@ const USUAL = { di: 16, do: 16, ai: 4, ao: 4 };
  * @property {number} index
  * @property {string} text What a filter looks into.
  * @property {boolean} isUsed It was on, or has changed.
- * @property {(banks: Record<string, IoBank>, relays: boolean[]) => void} update
+ * @property {() => void} update
  */
 
 /**
@@ -43,6 +44,19 @@ export function isShown(terminal, extent, filter) {
   if (extent === 'all' || terminal.kind === 'r') return true;
   if (extent === 'on') return terminal.isOn;
   return terminal.index < USUAL[terminal.kind] || terminal.isUsed || terminal.isNamed;
+}
+
+/**
+ * A moment as people say it: the time of day, with its date where that is another day.
+ *
+ * @param {number} wall Unix time, s.
+ * @param {Date} [today]
+ * @returns {string}
+ */
+export function momentOf(wall, today = new Date()) {
+  const moment = new Date(wall * 1000);
+  const time = timeOfDay(wall).slice(0, 5);
+  return moment.toDateString() === today.toDateString() ? time : `${moment.getMonth() + 1}-${moment.getDate()} ${time}`;
 }
 
 /**
@@ -74,13 +88,32 @@ export function mountIo(root, app) {
   function make(bank, kind, index) {
     const label = kind === 'r' ? `R ${index}` : `${kind.toUpperCase()} ${index}`;
     const name = nameOf(app, bank, kind, index);
-    const words = h('span', { class: 'terminal-name' }, label, name ? h('b', {}, ` ${name}`) : null);
+    const hand = h('span', { class: 'by-hand', hidden: true });
+    const words = h('span', { class: 'terminal-name' }, label, name ? h('b', {}, ` ${name}`) : null, hand);
     const isAnalog = kind === 'ai' || kind === 'ao';
     const canSet = SETTABLE.includes(bank) && (kind === 'do' || kind === 'ao');
     const [part, update] = isAnalog ? (canSet ? makeAnalogOutput(bank, index, label) : makeReading(bank, kind, index))
       : (canSet ? makeOutput(bank, index, label) : makeLamp(bank, kind, index));
     const element = isAnalog && canSet ? h('div', { class: 'terminal analog' }, words, part) : h('div', { class: 'terminal' }, ...(isAnalog ? [words, part] : [part, words]));
-    return { element, bank, kind, index, text: `${label} ${name}`, isUsed: false, update };
+    return { element, bank, kind, index, text: `${label} ${name}`, isUsed: false, update: () => {
+      update();
+      mark(hand, bank, kind, index);
+    } };
+  }
+
+  /**
+   * Says of an output that a page has set when that was, and who did it, until something else sets it.
+   *
+   * @param {HTMLElement} element
+   * @param {string} bank
+   * @param {Kind|'r'} kind
+   * @param {number} index
+   */
+  function mark(element, bank, kind, index) {
+    const signal = { do: 'digital', ao: 'analog' }[/** @type {string} */ (kind)];
+    const found = store.record().byHand.find((one) => one.bank === bank && one.signal === signal && one.index === index);
+    element.hidden = !found;
+    if (found) setText(element, 'io.by_hand', { time: momentOf(found.wall), by: found.by });
   }
 
   /**
@@ -197,15 +230,16 @@ export function mountIo(root, app) {
     }
     let isSifted = !isOther && extent.chosen() !== 'on';
     for (const terminal of terminals) {
-      terminal.update(io?.banks ?? {}, relays);
-      if (terminal.isUsed || !valueOf(terminal.bank, terminal.kind, terminal.index)) continue;
+      terminal.update();
+      const isMarked = !terminal.element.querySelector('.by-hand')?.hasAttribute('hidden');
+      if (terminal.isUsed || !(isMarked || valueOf(terminal.bank, terminal.kind, terminal.index))) continue;
       terminal.isUsed = true;
       isSifted = false;
     }
     if (!isSifted) sift();
   }
 
-  store.on('io chosen welcome', show);
+  store.on('io by_hand chosen welcome', show);
   store.on('cell-data', () => {
     shape = '';
     show();

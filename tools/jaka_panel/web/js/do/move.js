@@ -7,6 +7,7 @@ import { DEGREES, rotationVectorFromRpy, rpyFromRotationVector } from '../ui/for
 import { actionButton, numberField, readAll } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
 import { toast } from '../ui/toast.js';
+import { exportCell } from '../cell/export.js';
 import { poseFields } from './setup.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -220,5 +221,6 @@ function makePointList(app, show) {
   store.on('chosen points welcome', draw);
   draw();
   return h('section', { class: 'card' }, h('h3', { t: 'points.title' }),
-    h('div', { class: 'buttons' }, h('label', { for: 'point-name', t: 'points.name' }), name, save), empty, list);
+    h('div', { class: 'buttons' }, h('label', { for: 'point-name', t: 'points.name' }), name, save,
+      h('button', { type: 'button', t: 'points.export', on: { click: () => void exportCell(app) } })), empty, list);
 }

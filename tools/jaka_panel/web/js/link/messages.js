@@ -88,6 +88,15 @@
  */
 
 /**
+ * @typedef {object} Move
+ * @property {number} n
+ * @property {number} s Its begin, by the server's clock, s.
+ * @property {number|null} to Its end; null while it goes on.
+ * @property {string} owner In the driver's words; empty where it is not known.
+ * @property {boolean} lost Samples ceased before its end.
+ */
+
+/**
  * @typedef {object} IoBank
  * @property {boolean[]} [di]
  * @property {boolean[]} [do]

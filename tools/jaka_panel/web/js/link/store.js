@@ -6,6 +6,7 @@
 
 const ALARMS = 200;
 const CALLS = 200;
+const MOVES = 200;
 const STALE_S = 0.3;
 /** Speed of a joint up to which no motion is seen, rad/s: a fifth of the slowest jog. */
 const REST_RAD_S = 0.001;
@@ -18,12 +19,14 @@ const REST_RAD_S = 0.001;
  * @property {any[]} diagnostics
  * @property {import('./messages.js').Alarm[]} alarms
  * @property {import('./messages.js').Call[]} calls
+ * @property {import('./messages.js').Move[]} moves
+ * @property {{bank: string, signal: string, index: number, value: boolean|number, wall: number, by: string}[]} byHand Outputs that pages have set.
  * @property {any} program
  */
 
 /** @returns {ArmRecord} */
 function emptyRecord() {
-  return { state: null, stateAt: 0, io: null, diagnostics: [], alarms: [], calls: [], program: null };
+  return { state: null, stateAt: 0, io: null, diagnostics: [], alarms: [], calls: [], moves: [], byHand: [], program: null };
 }
 
 export class Store {
@@ -183,6 +186,9 @@ export class Store {
       case 'alarm': if (record) record.alarms = withItem(record.alarms, message.alarm, ALARMS); break;
       case 'calls': if (record) record.calls = message.calls; break;
       case 'call': if (record) record.calls = withItem(record.calls, message.call, CALLS); break;
+      case 'moves': if (record) record.moves = message.moves; break;
+      case 'move': if (record) record.moves = withItem(record.moves, message.move, MOVES); break;
+      case 'by_hand': if (record) record.byHand = message.outputs; break;
       case 'program': if (record) record.program = message; break;
       default:
     }

@@ -3,7 +3,8 @@ import uPlot from '../../vendor/uplot/uPlot.esm.js';
 import { h, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES } from '../ui/format.js';
 import { onThemeChange, themeColour } from '../ui/theme.js';
-import { pictureOfHistory, Samples } from './samples.js';
+import { pictureOfHistory, Samples, samplesOfHistory } from './samples.js';
+import { MarkLane } from './mark_lane.js';
 import { timeTicks } from './ticks.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -16,6 +17,8 @@ const OWN_S = 110;
 const PERIOD_MS = 100;
 const HISTORY_MS = 2000;
 const PIECES = 300;
+/** Of the history with which the plots begin: each is shorter than a gap. */
+const FIRST_PIECES = 550;
 /** Heights that a chart can have, px. */
 const LOWEST = 90;
 const HIGHEST = 420;
@@ -39,7 +42,7 @@ export function mountPlots(root, app) {
   /** Server's clock less that of the page, s; the smallest delay counts. */
   let offset = -Infinity;
   let isSeen = true;
-  let historyAt = 0;
+  let historyAt = -Infinity;
   /** Whether the plots have begun with what the server has kept. */
   let isSeeded = false;
   const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
@@ -50,15 +53,16 @@ export function mountPlots(root, app) {
   const joints = [0, 1, 2, 3, 4, 5].map((n) => h('button', { type: 'button', class: `joint-key joint-${n + 1}`,
     'aria-pressed': 'true', on: { click: () => toggle(n) } }, `J${n + 1}`));
   const charts = KINDS.map((kind) => {
-    const place = h('div', { class: 'plot', role: 'img', tLabel: `plots.${kind}` });
+    const place = h('div', { class: 'plot', role: 'group', tLabel: `plots.${kind}` });
     const element = h('figure', {}, h('figcaption', {}, h('span', { t: `plots.${kind}` }), ` ${UNITS[kind]}`), place);
     return { kind, place, element, plot: /** @type {any} */ (null) };
   });
+  const lane = new MarkLane(app, () => charts.forEach(({ plot }) => plot?.redraw(false)));
   /** Height of each chart, px. */
   let height = UNFIXED;
   const bar = h('div', { class: 'plot-bar' }, pause, h('div', { class: 'choice', role: 'group', tLabel: 'plots.span' }, ...spans),
     h('div', { class: 'choice', role: 'group', tLabel: 'plots.joints' }, ...joints), h('span', { class: 'hint', t: 'plots.hint' }));
-  root.append(bar, h('div', { class: 'charts' }, ...charts.map((chart) => chart.element)));
+  root.append(bar, h('div', { class: 'charts' }, lane.said, ...charts.map((chart) => chart.element)));
 
   /** @returns {number} Server's clock as far as the page knows, s. */
   const now = () => (Number.isFinite(offset) ? performance.now() / 1000 + offset : connection.serverNow);
@@ -70,7 +74,7 @@ export function mountPlots(root, app) {
     else zoomed = null;
     setAttribute(pause, 'aria-pressed', String(paused));
     setText(pause, paused ? 'plots.go_on' : 'plots.pause');
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -79,7 +83,7 @@ export function mountPlots(root, app) {
     span = seconds;
     zoomed = null;
     for (const button of spans) setAttribute(button, 'aria-pressed', String(Number(button.dataset.span) === span));
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -109,11 +113,13 @@ export function mountPlots(root, app) {
           /** @type {number} */ step) => timeTicks(low, high, step, origin = newest()),
         values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (
           ticks.map((tick) => `${Number((tick - origin).toFixed(2))}`)) }, { ...axis, size: 48 }],
-      hooks: { setSelect: [(/** @type {any} */ plot) => zoom(plot)] },
+      hooks: { setSelect: [(/** @type {any} */ plot) => zoom(plot)], draw: [(/** @type {any} */ plot) => lane.draw(plot)],
+        setCursor: [(/** @type {any} */ plot) => lane.point(plot)] },
     }, [[], [], [], [], [], [], []], chart.place);
+    chart.plot.over.addEventListener('pointerleave', () => lane.leave());
     chart.plot.over.addEventListener('dblclick', () => {
       zoomed = null;
-      historyAt = 0;
+      historyAt = -Infinity;
       draw();
     });
   }
@@ -126,7 +132,7 @@ export function mountPlots(root, app) {
     plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
     if (!isPaused) setPaused(true);
     zoomed = [from, to];
-    historyAt = 0;
+    historyAt = -Infinity;
     draw();
   }
 
@@ -135,6 +141,7 @@ export function mountPlots(root, app) {
     const end = isPaused ? pausedAt : now();
     const [from, to] = zoomed ?? [end - span, end];
     const isOwn = now() - from < OWN_S;
+    lane.update(from, to, samples.q.newest(), charts[0].plot.over.clientWidth);
     if (!isSeeded && Number.isFinite(offset)) void seed();
     if (!isOwn) {
       void fetchHistory(from, to);
@@ -148,9 +155,10 @@ export function mountPlots(root, app) {
     isSeeded = true;
     const arm = store.chosen;
     for (const kind of KINDS) {
-      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: PIECES, what: kind }, 5);
+      const answer = await connection.request({ t: 'history', arm, from: -OWN_S, to: 0, buckets: FIRST_PIECES, what: kind }, 5);
       if (arm !== store.chosen) return;
-      if (answer.ok && answer.data?.s) samples[kind].precede(pictureOfHistory(answer.data, DEGREES));
+      if (answer.ok) samples[kind].precede(samplesOfHistory(answer.data, DEGREES));
+      else setTimeout(() => { isSeeded = false; }, HISTORY_MS);  // it was asked too often, or the link is slow: again
     }
   }
 
@@ -172,18 +180,19 @@ export function mountPlots(root, app) {
    * @param {number} to s
    */
   async function fetchHistory(from, to) {
-    if (performance.now() - historyAt < HISTORY_MS || (isPaused && historyAt)) return;
+    if (performance.now() - historyAt < HISTORY_MS || (isPaused && historyAt > 0)) return;
     historyAt = performance.now();
     const seconds = connection.serverNow;
     for (const { kind, plot } of charts) {
       const answer = await connection.request({ t: 'history', arm: store.chosen, from: from - seconds, to: Math.min(0, to - seconds),
         buckets: PIECES, what: kind }, 5);
-      if (answer.ok && answer.data?.s) paint(plot, pictureOfHistory(answer.data, DEGREES), from, to);
+      if (answer.ok) paint(plot, pictureOfHistory(answer.data, (to - from) / PIECES, DEGREES), from, to);
     }
   }
 
   function rebuild() {
     for (const chart of charts) make(chart);
+    lane.enter(charts[0].plot);
     draw();
   }
 
@@ -207,6 +216,7 @@ export function mountPlots(root, app) {
   });
   rebuild();
   onThemeChange(rebuild);
+  store.on('chosen-language alarms alarm calls call moves move', draw);
   const isFixed = matchMedia('(min-width: 1000px) and (min-height: 640px)');  // as in layout.css: else the charts make the height
   new ResizeObserver(() => {
     if (!root.clientHeight) return;  // the drawer is closed

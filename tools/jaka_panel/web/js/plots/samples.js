@@ -2,6 +2,10 @@
 
 /** Samples that are kept: two minutes at 125 Hz. */
 export const KEPT = 15000;
+/** Samples further apart than this, s, have a gap between them, as the age from which on joints are stale. */
+export const GAP_S = 0.3;
+
+/** @typedef {{s: number[], last: number[], min: (number|null)[][], max: (number|null)[][]}} History */
 
 /** Six values at each moment, the oldest forgotten first. */
 export class Samples {
@@ -33,6 +37,11 @@ export class Samples {
    */
   timeAt(index) {
     return this.times[(this.first + index) % this.capacity];
+  }
+
+  /** @returns {number} Time of the newest sample, s. */
+  newest() {
+    return this.count ? this.timeAt(this.count - 1) : -Infinity;
   }
 
   clear() {
@@ -76,34 +85,30 @@ export class Samples {
   }
 
   /**
-   * Lowest and highest value in each of so many equal pieces of a time span: a peak is never left out.
+   * Lowest and highest value in each of so many equal pieces of a time span: a peak is never left out, and no piece reaches
+   * over a gap.
    *
    * @param {number} from s
    * @param {number} to s
    * @param {number} pieces
-   * @returns {(number|null)[][]} Times, then six rows of values; null where a value is missing.
+   * @returns {(number|null)[][]} Times, then six rows of values; null where a value is missing, and between two samples with
+   *   a gap between them.
    */
   picture(from, to, pieces) {
     const begin = Math.max(0, this.indexOf(from) - 1);
     const end = Math.min(this.count, this.indexOf(to) + 1);
-    /** @type {(number|null)[][]} */
-    const rows = Array.from({ length: 7 }, () => []);
-    if (end - begin <= 2 * pieces) {
-      for (let index = begin; index < end; index += 1) {
-        const place = (this.first + index) % this.capacity;
-        rows[0].push(this.times[place]);
-        for (let n = 0; n < 6; n += 1) rows[n + 1].push(orNull(this.values[n][place]));
-      }
-      return rows;
-    }
+    const rows = emptyRows();
     const width = (to - from) / pieces;
+    const most = end - begin <= 2 * pieces ? 1 : Infinity;  // of the samples in one piece
     for (let index = begin; index < end;) {
-      const piece = Math.floor((this.timeAt(index) - from) / width);
       const low = [NaN, NaN, NaN, NaN, NaN, NaN];
       const high = [NaN, NaN, NaN, NaN, NaN, NaN];
       const started = this.timeAt(index);
+      const piece = Math.floor((started - from) / width);
+      const first = index;
       let last = started;
-      while (index < end && Math.floor((this.timeAt(index) - from) / width) === piece) {
+      while (index < end && index - first < most && this.timeAt(index) - last <= GAP_S
+        && Math.floor((this.timeAt(index) - from) / width) === piece) {
         const place = (this.first + index) % this.capacity;
         last = this.times[place];
         for (let n = 0; n < 6; n += 1) {
@@ -113,8 +118,8 @@ export class Samples {
         }
         index += 1;
       }
-      rows[0].push(started, last > started ? last : started + width / 2);
-      for (let n = 0; n < 6; n += 1) rows[n + 1].push(orNull(low[n]), orNull(high[n]));
+      const next = index < end ? this.timeAt(index) : Infinity;
+      addPiece(rows, [started, last, next], width, low.map(orNull), high.map(orNull));
     }
     return rows;
   }
@@ -129,20 +134,72 @@ function orNull(value) {
 }
 
 /**
+ * Adds the lowest and highest values of one piece to a picture, and an end of its lines where a gap follows.
+ *
+ * @param {(number|null)[][]} rows Times, then six rows of values.
+ * @param {[number, number, number]} times Of the first and last sample of the piece, and of the first one after it, s.
+ * @param {number} width The least that a piece which stands alone is wide, s: without it nothing is seen of it.
+ * @param {(number|null)[]} low
+ * @param {(number|null)[]} high
+ */
+function addPiece(rows, [started, last, next], width, low, high) {
+  const isEnd = next - last > GAP_S;
+  const isOne = started === last && low.every((value, n) => value === high[n]);
+  const isAlone = isOne && isEnd && (!rows[0].length || rows[1].at(-1) === null);
+  rows[0].push(started);
+  low.forEach((value, n) => rows[n + 1].push(value));
+  if (!isOne || isAlone) {
+    rows[0].push(last > started ? last : Math.min(started + width / 2, (started + next) / 2));
+    high.forEach((value, n) => rows[n + 1].push(value));
+  }
+  if (!isEnd || next === Infinity) return;
+  rows[0].push((Math.max(last, Number(rows[0].at(-1))) + next) / 2);
+  for (let n = 1; n < rows.length; n += 1) rows[n].push(null);
+}
+
+/**
  * The same kind of picture from the server's history, which has lowest and highest values already.
  *
- * @param {{s: number[], min: (number|null)[][], max: (number|null)[][]}} history
+ * @param {History} history
+ * @param {number} width The least that a piece which stands alone is wide, s.
  * @param {number} scale
  * @returns {(number|null)[][]}
  */
-export function pictureOfHistory(history, scale) {
-  /** @type {(number|null)[][]} */
-  const rows = Array.from({ length: 7 }, () => []);
-  const width = history.s.length > 1 ? history.s[1] - history.s[0] : 0;
-  const scaled = (/** @type {number|null|undefined} */ value) => (value === null || value === undefined ? null : value * scale);
+export function pictureOfHistory(history, width, scale) {
+  const rows = emptyRows();
   history.s.forEach((time, index) => {
-    rows[0].push(time, time + width / 2);
-    for (let n = 0; n < 6; n += 1) rows[n + 1].push(scaled(history.min[n]?.[index]), scaled(history.max[n]?.[index]));
+    addPiece(rows, [time, history.last[index], history.s[index + 1] ?? Infinity], width,
+      history.min.map((row) => scaled(row[index], scale)), history.max.map((row) => scaled(row[index], scale)));
   });
   return rows;
+}
+
+/**
+ * The server's history as samples: the lowest values at the first moment of each piece, the highest at its last one.
+ *
+ * @param {History} history Its pieces must be shorter than a gap.
+ * @param {number} scale
+ * @returns {(number|null)[][]} Times, then six rows of values.
+ */
+export function samplesOfHistory(history, scale) {
+  const rows = emptyRows();
+  history.s.forEach((time, index) => {
+    rows[0].push(time, history.last[index]);
+    for (let n = 0; n < 6; n += 1) rows[n + 1].push(scaled(history.min[n][index], scale), scaled(history.max[n][index], scale));
+  });
+  return rows;
+}
+
+/** @returns {(number|null)[][]} */
+function emptyRows() {
+  return Array.from({ length: 7 }, () => []);
+}
+
+/**
+ * @param {number|null} value
+ * @param {number} scale
+ * @returns {number|null}
+ */
+function scaled(value, scale) {
+  return value === null ? null : value * scale;
 }

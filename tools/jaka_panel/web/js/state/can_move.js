@@ -68,7 +68,7 @@ export function mountLine(app) {
  * @param {string|null|undefined} owner
  * @returns {string}
  */
-function ownerText(app, owner) {
+export function ownerText(app, owner) {
   if (!owner || owner === 'nobody') return app.say('state.nobody');
   const key = ownerKey(owner);
   return app.isText(key) ? app.say(key) : owner;
