@@ -42,7 +42,8 @@ def version_at(commit):
         pytest.skip("no git, or no clone: nobody can look into a commit")
 
     def git(*words):
-        return subprocess.run(["git", "-C", str(ROOT), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        return subprocess.run(["git", "-C", str(ROOT), *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True)
 
     if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
         pytest.skip("a shallow clone, or one that git does not read: its history is not here")
