@@ -34,6 +34,8 @@ BETWEEN = 4
 """Number of other files after which the next one that waits is begun."""
 LEFT_OUT = "jaka/left_out"
 """The name of what is kept between runs, by the state of the sources: the files that need what is missing."""
+LONGEST_ID = 200
+"""Characters of a parameter that stands whole in the name of its test."""
 left_out: List[str] = []
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
@@ -52,8 +54,7 @@ def pytest_configure(config):
     A shell starts its background jobs with SIGINT ignored, which children inherit; those of the tests are sent it.
 
     Executables that tests start are those of one place, whose packages they find (``program_places``). Their files at
-    run
-    time are in a folder of the tests' own.
+    run time are in a folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
     (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
@@ -95,6 +96,13 @@ def needs_ros(path: Path) -> bool:
         return True
     return path.suffix == ".py" and path.name.startswith("test_") and bool(
         MISSING & import_graph.roots_behind(import_graph.parse(path), path.parent))
+
+
+def pytest_make_parametrize_id(val):
+    """Name a long text by its beginning and its length: 5,000 brackets fill the report of a run."""
+    if isinstance(val, (str, bytes)) and len(val) > LONGEST_ID:
+        return "%s... (%d)" % (ascii(val[:20])[1:-1] if isinstance(val, str) else ascii(val[:20])[2:-1], len(val))
+    return None
 
 
 def pytest_ignore_collect(collection_path, config):

@@ -34,3 +34,7 @@ def test_what_once_failed_in_short(name):
 def test_seeds_differ():
     assert len({str(generator.generate(seed)) for seed in range(1, 6)}) == 5
     assert not set(simulate.ALWAYS) & set(DRAWN)
+
+
+def test_a_driver_is_judged_ready_only_after_a_reply_that_is_held_back():
+    assert not simulate.run_seed(2018170).broken  # its power_on is answered after 10 s, on a slow feed
