@@ -38,15 +38,12 @@ LEFT_OUT = "jaka/left_out"
 """The name of what is kept between runs, by the state of the sources: the files that need what is missing."""
 left_out: List[str] = []
 
-gc.disable()  # until all is collected: looking through thousands of tests again and again takes a fifth of that time
-
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
 
 # The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
 # machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("other_python", settings.get_profile("jaka"), max_examples=15)  # see .ci/run
 settings.load_profile("jaka")
 
 
@@ -75,13 +72,6 @@ def pytest_unconfigure(config):
     shutil.rmtree(config.jaka_runtime_folder, ignore_errors=True)
 
 
-def pytest_make_parametrize_id(val):
-    """Name a long text by its beginning and its length: 5,000 brackets fill the report of a run."""
-    if isinstance(val, (str, bytes)) and len(val) > LONGEST_ID:
-        return "%s... (%d)" % (ascii(val[:20])[1:-1] if isinstance(val, str) else ascii(val[:20])[2:-1], len(val))
-    return None
-
-
 def state_of_sources() -> str:
     """Return what changes with any file whose imports count."""
     folders = (import_graph.ROOT / "test", *import_graph.PACKAGES.values())
@@ -107,6 +97,13 @@ def needs_ros(path: Path) -> bool:
         MISSING & import_graph.roots_behind(import_graph.parse(path), path.parent))
 
 
+def pytest_make_parametrize_id(val):
+    """Name a long text by its beginning and its length: 5,000 brackets fill the report of a run."""
+    if isinstance(val, (str, bytes)) and len(val) > LONGEST_ID:
+        return "%s... (%d)" % (ascii(val[:20])[1:-1] if isinstance(val, str) else ascii(val[:20])[2:-1], len(val))
+    return None
+
+
 def pytest_ignore_collect(collection_path, config):
     if not MISSING:
         return None
@@ -119,9 +116,16 @@ def pytest_ignore_collect(collection_path, config):
     return None
 
 
-def pytest_collection_finish(session):
-    gc.enable()
+@pytest.hookimpl(hookwrapper=True)
+def pytest_collection(session):
+    """Collect without garbage collection: it looks through thousands of tests again and again, a fifth of the time."""
+    gc.disable()
+    yield
     gc.freeze()  # what was collected stays until the end
+    gc.enable()
+
+
+def pytest_collection_finish(session):
     config = session.config
     if MISSING and not hasattr(config, "workerinput") and hasattr(config, "cache"):
         config.cache.set(LEFT_OUT, {config.jaka_state: config.jaka_left_out})
