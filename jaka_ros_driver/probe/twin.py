@@ -56,32 +56,37 @@ def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMot
     motions = [SeenMotion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
     fit = fitted(motions) if len(motions) == 2 else None
     found = _fit_facts(fit, motions)
+    unsure = 0.0
     if fit is not None and fit.has_share and len(curves.get(BACK, ())) > 2:
-        found["start_delay"] = _start_delay(facts, [
+        found["start_delay"], unsure = _start_delay(facts, [
             max(0.0, delay_of(motion, fit)) for motion in (motions[0], SeenMotion(curves[BACK], *asked[BACK]))])
     gaps = _gaps({**facts, **found}, curves, asked)
     if not gaps:
         why = Fact(None, "the motions to compare with were not seen whole, or no firmware is near")
         return {**found, "twin_angle": why, "twin_time": why}
-    degrees, seconds = max(gap.degrees for gap in gaps), max(gap.seconds for gap in gaps)
+    degrees = max(gap.degrees for gap in gaps) + unsure * asked[BACK].speed
+    seconds = max(gap.seconds for gap in gaps) + unsure
     how = "%d of 100 frames of a move of %.1f deg%s, which the fit has not seen" % (
         round(100.0 * WITHIN), gaps[0].way, " and of a stop" if len(gaps) > 1 else "")
-    if fit is None or any(gap.degrees > POOR_SHARE * gap.way for gap in gaps[:1]):
+    if fit is None or unsure > _SAME_DELAY_S or any(gap.degrees > POOR_SHARE * gap.way for gap in gaps[:1]):
         why = Fact(None, "it moves otherwise: %.3f deg and %.0f ms in %s" % (degrees, 1000.0 * seconds, how))
         return {**found, "twin_angle": why, "twin_time": why}
     return {**found, "twin_angle": Fact(_rounded_up(degrees, 0.001), how),
             "twin_time": Fact(_rounded_up(seconds, 0.001), how)}
 
 
-def _start_delay(facts: Facts, begun: Sequence[float]) -> Fact:
-    """Return the start delay by the beginnings, s, of two curves, and by the fact that was found before."""
+def _start_delay(facts: Facts, begun: Sequence[float]) -> Tuple[Fact, float]:
+    """Return the start delay by the beginnings, s, of two curves and by the fact found before, and their range.
+
+    Frames that come late make a difference between them; that much the twin may be off without a frame that shows it.
+    """
     before = facts.get("start_delay", Fact(None, "")).value
     values = [*begun, *([before] if before is not None else [])]
     how = "where the curves of two moves begin after the reply, and where a frame first showed a third: %s s" % (
         ", ".join("%.3f" % value for value in values))
     if max(values) - min(values) > _SAME_DELAY_S:
-        return Fact(None, how + "; this computer or the network is busy")
-    return Fact(round(min(values), 3), how)
+        return Fact(None, how + "; this computer or the network is busy"), max(values) - min(values)
+    return Fact(round(min(values), 3), how), max(values) - min(values)
 
 
 def _rounded_up(value: float, step: float) -> float:
