@@ -30,6 +30,8 @@ WAITING = ("test/ros/pages/test_regression", "test/jaka_regression/ros/", "test/
 LONG = ("test/custody/", "test/ros/", "test/mutation/")
 BETWEEN = 4
 """Number of other files after which the next one that waits is begun."""
+LONGEST_ID = 200
+"""Characters of a parameter that stands whole in the name of its test."""
 left_out: List[str] = []
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
@@ -47,8 +49,7 @@ def pytest_configure(config):
     A shell starts its background jobs with SIGINT ignored, which children inherit; those of the tests are sent it.
 
     Executables that tests start are those of one place, whose packages they find (``program_places``). Their files at
-    run
-    time are in a folder of the tests' own.
+    run time are in a folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
     (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
@@ -64,6 +65,13 @@ def pytest_configure(config):
 
 def pytest_unconfigure(config):
     shutil.rmtree(config.jaka_runtime_folder, ignore_errors=True)
+
+
+def pytest_make_parametrize_id(val):
+    """Name a long text by its beginning and its length: 5,000 brackets fill the report of a run."""
+    if isinstance(val, (str, bytes)) and len(val) > LONGEST_ID:
+        return "%s... (%d)" % (ascii(val[:20])[1:-1] if isinstance(val, str) else ascii(val[:20])[2:-1], len(val))
+    return None
 
 
 def pytest_ignore_collect(collection_path, config):
