@@ -45,7 +45,7 @@ class Hand:
         self.clicks = self.fields = 0
 
     def click(self, selector):
-        """Click what can be pressed and is not covered, as by a note."""
+        """Press what can be pressed and is not covered, as by a note."""
         self.page.until(FREE % json.dumps(selector), "%s can be pressed" % selector)
         self.page.click(selector)
         self.clicks += 1
@@ -87,7 +87,7 @@ class Hand:
 # ---- the tasks; each begins where the one before has ended ----
 
 def why(hand):
-    """The arm stands: why? The emergency stop was pressed and released again."""
+    """Read why the arm stands: the emergency stop was pressed and released again."""
     simulator = hand.operator.live.simulator
     simulator.panel("press_emergency_stop")
     assert eventually(lambda: not simulator.state()["is_enabled"])
@@ -154,7 +154,7 @@ def store_points(hand):
 
 
 def teach_frame(hand):
-    """Teach a user frame by three points, keep it and set it on the controller."""
+    """Set a user frame that three points teach, and keep it."""
     hand.tab("teach")
     for name, joints in zip(("origin", "x_axis", "plane"), CORNERS):
         hand.operator.go(joints)

@@ -61,5 +61,5 @@ class HandOutputs:
 
 def _is_same(reported: Any, value: Any) -> bool:
     if type(value) is bool or reported is None:
-        return bool(reported) == value
-    return abs(reported - value) <= _SAME * max(1.0, abs(value))
+        return bool(bool(reported) == value)
+    return bool(abs(reported - value) <= _SAME * max(1.0, abs(value)))
