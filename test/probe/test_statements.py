@@ -100,6 +100,10 @@ def test_the_report_has_each_verdict():
     assert "S10 confirmed: " in lines and re.search(r"not seen: .*S15", lines)
 
 
-if __name__ == "__main__":
+def write():
     text = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(BLOCK.sub(lambda found: found.group(1) + table() + found.group(3), text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()
