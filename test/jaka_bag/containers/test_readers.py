@@ -218,8 +218,9 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path):
     (tmp_path / "text").write_text("hello, this is no log")
     (tmp_path / "old.bag").write_bytes(b"#ROSRECORD V1.1\n" + bytes(100))
     os.mkfifo(str(tmp_path / "pipe"))
-    for name, reason in (("empty", "is empty"), ("text", "neither"), ("old.bag", "version 1.1"),
-                         (".", "folder"), ("missing", "No such file"), ("pipe", "no plain file")):
+    for name, reason in (("empty", "is empty"), ("text", r"is no \.bag, \.mcap or \.db3 file"),
+                         ("old.bag", "version 1.1"), (".", "folder"), ("missing", "No such file"),
+                         ("pipe", "no plain file")):
         with pytest.raises(BagError, match=reason):
             open_log(tmp_path / name)
 

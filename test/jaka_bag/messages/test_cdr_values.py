@@ -17,6 +17,8 @@ from jaka_bag.cli.main import main
 typesys = pytest.importorskip("rosbags.typesys")
 if not hasattr(typesys.Stores, "EMPTY"):
     pytest.skip("this rosbags registers no types of its own", allow_module_level=True)
+KNOWS_OCTET = "octet" not in str(typesys.get_types_from_idl("module p { module msg { struct O { octet o; }; }; };"))
+"""False for the last rosbags for Python 3.8: it parses one, and does not know what it is."""
 START = 1700000000 * 10**9
 MESSAGES = 12
 _LINE = "=" * 80
@@ -96,8 +98,9 @@ def idl(struct, before=""):
 
 TYPES = {
     "scalars": (scalars, "bool on\n%sfloat32 h\nfloat64 f\nbyte raw\n" % "".join(
-        "%s %s_\n" % (name, name) for name, _ in _WIDTHS),
-        idl("boolean on; %s float h; double f; octet raw;" % " ".join("%s %s_;" % (name, name) for name, _ in _WIDTHS)),
+        "%s %s_v\n" % (name, name) for name, _ in _WIDTHS),
+        idl("boolean on; %s float h; double f; octet raw;" % " ".join(
+            "%s %s_v;" % (name, name) for name, _ in _WIDTHS)),
         ()),
     "texts": (texts, "uint8 a\nstring s\nstring[] many\nuint8 b\nstring[2] two\nfloat64 f\n",
               idl("uint8 a; string s; sequence<string> many; uint8 b; two_t two; double f;",
@@ -128,7 +131,9 @@ def schema_of(kind, is_idl):
         types = {}
         for body in (own_idl, *(part[2] for part in parts)):
             types.update(typesys.get_types_from_idl(body))
-        return schema, types
+        if "octet" not in own_idl or KNOWS_OCTET:
+            return schema, types
+        return schema, schema_of(kind, False)[1]
     schema = msg + "".join("%s\nMSG: %s\n%s" % (_LINE, name.replace("/msg/", "/"), body) for name, body, _ in parts)
     return schema, typesys.get_types_from_msg(schema, "pkg/msg/T")
 

@@ -274,6 +274,7 @@ class Roscore:
 
     def kill(self):
         if self._process is not None and self._process.poll() is None:
+            os.kill(self._process.pid, signal.SIGSTOP)  # it begins no rosout meanwhile, which would be left over
             self._send(signal.SIGKILL)
             self._process.wait(WAIT)
             assert eventually(lambda: self.ask("getPid") is None)

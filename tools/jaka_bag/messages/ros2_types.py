@@ -14,6 +14,8 @@ _ROS2_HEADER = ("builtin_interfaces/Time stamp\nstring frame_id\n" + _BREAK
                 + "\nMSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n")
 _BETWEEN_IDL = re.compile(r"^=+\r?\nIDL: .*$|^[ \t]*#include\b.*$", re.MULTILINE)
 """Head of each file in the IDL of several, as MCAP holds it, and what it includes: rosbags reads neither."""
+_OCTET = re.compile(r"\boctet\b")
+"""IDL's byte, which has no sign: ROS 1's has one, and rosbags for Python 3.8 knows none."""
 _HEADER = "std_msgs/msg/Header"
 _CONSTANT = re.compile(r"\s*(\w+)\s+(\w+)\s*=(.*)$")
 _ROS2_CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*$")
@@ -161,7 +163,7 @@ class Ros1Type:
         try:
             known = dict(_definitions_in(get_typestore(Stores.ROS2_HUMBLE)))
             if definition:
-                known.update(get_types_from_idl(_BETWEEN_IDL.sub("", definition)) if is_idl
+                known.update(get_types_from_idl(_OCTET.sub("uint8", _BETWEEN_IDL.sub("", definition))) if is_idl
                              else get_types_from_msg(definition, name))
             known = {each: known[each] for each in _needed(name, known)}
             self._store: Any = get_typestore(Stores.EMPTY)
