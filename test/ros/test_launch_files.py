@@ -12,6 +12,7 @@ import roslaunch
 import roslaunch.arg_dump
 import rospy
 import std_msgs.msg
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from driver_bench import Arm, SimulatorProcess, collecting
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
@@ -178,9 +179,9 @@ def test_a_report_of_the_controller_reaches_the_driver_and_none_is_left_of_an_ea
 
 
 def test_each_of_several_arms_has_its_own_report_or_none(tmp_path):
-    example = (ROOT / "docs" / "examples" / "arms.yaml").read_text()
-    written = example.replace("# controller_profile: ", "controller_profile: ").replace("json  (", "json  # (")
-    (tmp_path / "arms.yaml").write_text(written)
+    arms = yaml.safe_load((ROOT / "docs" / "examples" / "arms.yaml").read_text())
+    arms["left"]["jaka_driver"]["controller_profile"] = "/etc/jaka/left_probe.json"
+    (tmp_path / "arms.yaml").write_text(yaml.safe_dump(arms))
     _, params = nodes(["file:=%s" % (tmp_path / "arms.yaml"), "arms:=left right"], str(ROOT / "launch" / "arms.launch"))
     assert params["/left/jaka_driver/controller_profile"] == "/etc/jaka/left_probe.json"
     assert params["/right/jaka_driver/controller_profile"] == ""
