@@ -70,10 +70,11 @@ def test_a_description_that_is_set_after_the_model_is_found_soon(graph):
 def test_after_a_restart_of_the_master_a_new_driver_is_recorded(tmp_path):
     with Graph(tmp_path, True) as graph, black_box(graph, before="5s", after="0.2s") as box:
         box.wait_for_line("in memory")
+        address = graph.master().lookupNode("/jaka_black_box")
         graph.stop_master()
         box.wait_for_line("waiting for it")
         graph.start_master()
-        tell_name(graph.uri, "/jaka_black_box")
+        tell_name(graph.uri, "/jaka_black_box", address)
         with driving(graph) as driver:
             wait_until(lambda: driver.sent > 60, "messages flow")
             set_off("error", driver, box, graph)

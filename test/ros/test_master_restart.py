@@ -30,7 +30,7 @@ def test_the_driver_registers_with_the_new_master(roscore):
             DriverProcess("jaka_driver", roscore.environment, **on(simulator, guard=False)):
         expected = {"/jaka_driver/" + spec.name for spec in SERVICES}
         assert eventually(lambda: expected <= roscore.registered()[2])
-        before = roscore.registered()
+        before, address = roscore.registered(), roscore.ask("lookupNode", "/jaka_driver")
         listener = subprocess.Popen(["rostopic", "echo", "-p", "/jaka_driver/joint_position"], env=roscore.environment,
                                     stdout=subprocess.PIPE, text=True)
         try:
@@ -38,7 +38,7 @@ def test_the_driver_registers_with_the_new_master(roscore):
             roscore.kill()
             assert listener.stdout.readline(), "an old connection ended with the master"
             roscore.start()
-            tell_name(roscore.uri, "/jaka_driver")
+            tell_name(roscore.uri, "/jaka_driver", address)
             assert eventually(lambda: all(old <= new for old, new in zip(before, roscore.registered())))
             assert listener.stdout.readline(), "an old connection ended with the new master"
         finally:

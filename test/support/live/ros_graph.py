@@ -223,12 +223,13 @@ def end_server(node):
         node.server.shutdown()
 
 
-def tell_name(uri: str, node: str) -> None:
+def tell_name(uri: str, node: str, address: str) -> None:
     """Ask a master for a parameter in the name of a node, as rospy does with each line of a node's log.
 
-    From then on it knows the node, and nothing that the node offers.
+    From then on it knows the node, and nothing that the node offers. The address is the node's own: at another one the
+    master ends a node that has registered meanwhile.
     """
-    ServerProxy(uri).subscribeParam(node, "http://127.0.0.1:1/", "/rosout_disable_topics_generation")
+    ServerProxy(uri).subscribeParam(node, address, "/rosout_disable_topics_generation")
     assert rosgraph.Master("/asking", uri).lookupNode(node)
 
 
