@@ -10,7 +10,9 @@ from ..paths import PathLike
 
 METADATA = "metadata.yaml"
 """The file that makes a folder one of rosbag2."""
-PACKED_SUFFIXES = (".mcap.zstd", ".db3.zstd")
+PACKED = ".zstd"
+"""Suffix that rosbag2 puts behind that of a file which it has compressed as a whole."""
+PACKED_SUFFIXES = (".mcap" + PACKED, ".db3" + PACKED)
 STORAGE_SUFFIXES = (".mcap", ".db3", *PACKED_SUFFIXES)
 """Suffixes of its files of messages, and of those that are compressed as a whole."""
 Buffer = Union[bytes, bytearray, memoryview]

@@ -17,6 +17,7 @@ from .index import (
     open_for_reading,
     read_at,
 )
+from .packed_messages import ZSTD
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -94,7 +95,7 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
     if head.startswith((b"#ROSBAG V", b"#ROSRECORD V")):
         raise BagFormatError("%s is a bag of version %s; only 1.2 and 2.0 can be read ('rosbag fix' converts others)"
                              % (path, head.partition(b" V")[2].split(b"\n")[0].decode("ascii", "replace")))
-    if head.startswith(b"\x28\xb5\x2f\xfd"):
+    if head.startswith(ZSTD):
         raise BagFormatError("%s is compressed as a whole: unpack it (zstd -d), or give the rosbag2 folder that it is "
                              "a part of" % path)
     if not head:

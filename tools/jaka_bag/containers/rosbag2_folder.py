@@ -16,9 +16,8 @@ from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
 from .compression import unpack_file
-from .index import METADATA, leftovers, open_for_reading, storage_files
+from .index import METADATA, PACKED, leftovers, open_for_reading, storage_files
 
-_PACKED = ".zstd"
 _ONE_AT_A_TIME = threading.Lock()
 """Held by the thread that reads: rosbags 0.10 unpacks every MCAP with one decompressor, which two at once garble."""
 
@@ -70,7 +69,7 @@ def _unpacked(folder: PathLike) -> "Optional[tempfile.TemporaryDirectory[str]]":
     try:
         names = []
         for name in map(os.path.basename, facts["relative_file_paths"]):
-            names.append(name[:-len(_PACKED)] if name.endswith(_PACKED) else name)
+            names.append(name[:-len(PACKED)] if name.endswith(PACKED) else name)
             path = os.path.join(str(folder), name)
             with open_for_reading(path) as packed, open(os.path.join(copy.name, names[-1]), "wb") as unpacked:
                 reason = unpack_file(packed.fileno(), os.path.getsize(path), unpacked)[1]

@@ -11,13 +11,12 @@ from ..messages.batch import Array, MessageBatch, distinct, with_payloads
 from ..messages.connection import Connection
 from ..paths import PathLike
 from .compression import unpack_file
-from .index import METADATA, AttachmentIndex, MetadataIndex, open_for_reading, storage_files
+from .index import METADATA, PACKED, AttachmentIndex, MetadataIndex, open_for_reading, storage_files
 from .mcap.recovery import McapRecovery
 from .packed_messages import may_be_packed, unpacked
 from .recovery import LogRecovery, Loss, Stretch
 from .sqlite_recovery import SqliteRecovery
 
-_PACKED = ".zstd"
 _DECLARATIONS = "rosbag2"
 """Name of the record in which an MCAP of a folder repeats the folder's ``metadata.yaml``."""
 
@@ -91,7 +90,7 @@ class Rosbag2Recovery(LogRecovery):
             size = path.stat().st_size
             try:
                 with open_for_reading(path) as file, tempfile.NamedTemporaryFile(prefix="jaka_bag") as space:
-                    if name.endswith(_PACKED):
+                    if name.endswith(PACKED):
                         end, reason = unpack_file(file.fileno(), size, space.file)
                         damage = [Loss(end, size, "the compressed file was unpacked up to here (%s)" % reason)
                                   ] if reason else []
@@ -121,7 +120,7 @@ class Rosbag2Recovery(LogRecovery):
             passed: Bytes of the files before it.
         """
         size = os.fstat(file.fileno()).st_size
-        is_database = name.endswith((".db3", ".db3" + _PACKED))
+        is_database = name.endswith((".db3", ".db3" + PACKED))
         part = (SqliteRecovery if is_database else McapRecovery)(file.fileno(), size)
         known = 0
         for stretch in part.stretches():
@@ -161,7 +160,7 @@ class Rosbag2Recovery(LogRecovery):
 
     def _later(self, path: Path, name: str, part: Any, read: Callable[..., Any], entry: Any) -> Callable[[], Any]:
         """Return what reads an attachment or metadata of a file: again, or at once where it is unpacked only now."""
-        if name.endswith(_PACKED):
+        if name.endswith(PACKED):
             content = read(part, entry)
             return lambda: content
 

@@ -163,8 +163,9 @@ export class MarkLane {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
+    const chosen = this.groups.find(([mark]) => mark.id === this.chosen) ?? [];
     for (const mark of this.groups.flat()) {
-      const isChosen = this.groups.some((group) => group[0].id === this.chosen && group.includes(mark));
+      const isChosen = chosen.includes(mark);
       ctx.strokeStyle = ctx.fillStyle = this.colours[mark.kind];
       ctx.lineWidth = (isChosen ? 3 : 1) * scale;
       const x = plot.valToPos(mark.at, 'x', true);
