@@ -57,8 +57,9 @@ def stamp_arrivals(link: socket.socket) -> None:
 def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Optional[bytes], int]:
     """Return the next bytes as ``receive`` does, and when the last of them arrived, ns of ``time.monotonic_ns``.
 
-    The system's stamp does not depend on when this process gets the processor. The system stamps with the wall clock: a
-    step of that clock between the arrival and this call shifts the moment, but never into the future.
+    The system stamps with the wall clock. Where this process is held up between reading the two clocks, the moment is
+    later than the arrival by so much, never earlier: an answer does not come before what it answers. A step of the wall
+    clock between the arrival and this call shifts the moment, but never into the future.
     """
     try:
         data, ancillary, _, _ = link.recvmsg(most, _ANCILLARY_BYTES)
@@ -66,11 +67,12 @@ def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Op
         return None, time.monotonic_ns()
     except OSError:
         return b"", time.monotonic_ns()
+    wall = time.time_ns()  # first: the other way round, a pause between the two would make the moment too early
     now = time.monotonic_ns()
     for level, kind, content in ancillary:
         if level == socket.SOL_SOCKET and kind == _STAMP_ARRIVALS and len(content) >= _ARRIVAL.size:
             seconds, nanoseconds = _ARRIVAL.unpack_from(content)
-            return data, min(now, now - time.time_ns() + seconds * NS_PER_S + nanoseconds)
+            return data, min(now, now - wall + seconds * NS_PER_S + nanoseconds)
     return data, now
 
 

@@ -47,6 +47,27 @@ def test_bytes_that_wait_are_told_to_have_come_when_they_came(pair):
     assert data == b"frame" and before - 0.1e9 <= at <= after + 0.3e9, (before, at, after)
 
 
+@ON_LINUX
+def test_a_reader_held_up_between_its_two_clocks_puts_no_arrival_before_the_sending(pair, monkeypatch):
+    sender, receiver = pair
+    sockets.stamp_arrivals(receiver)
+    wait_for_stamps(sender, receiver)
+
+    def held_up_after(clock):
+        def read():
+            value = clock()
+            time.sleep(0.02)
+            return value
+        return read
+
+    before = time.monotonic_ns()
+    sender.sendall(b"frame")
+    for name in ("monotonic_ns", "time_ns"):
+        monkeypatch.setattr(time, name, held_up_after(getattr(time, name)))
+    data, at = sockets.receive_stamped(receiver)
+    assert data == b"frame" and at >= before
+
+
 def test_without_stamps_it_is_the_moment_of_reading(pair):
     sender, receiver = pair
     sender.sendall(b"frame")
