@@ -204,7 +204,7 @@ def test_an_option_that_spreads_work_does_it_with_two_workers(name, option, fold
         pytest.importorskip("distributed")
     (folder / "logs" / "day.mcap").unlink()
     (folder / "two_logs").mkdir()
-    for log in ("io_sequence", "jog_watchdog"):
+    for log in ("io_sequence", "boot"):
         for suffix in (".mcap", ".yaml"):
             shutil.copy(str(GOLDEN / (log + suffix)), str(folder / "two_logs"))
     text, told = WORK[name]

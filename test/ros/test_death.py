@@ -161,7 +161,7 @@ def test_without_a_master_the_arm_can_be_stopped_and_the_driver_ended(ros_node, 
         assert eventually(lambda: rosgraph.is_master_online(uri))
         with LiveDriver(tmp_path, environment={"ROS_MASTER_URI": uri}) as live:
             live.arm = arm = ArmOfAnotherMaster(live.simulator, live.arm.name, uri)
-            arm.wait_until_seen()
+            arm.wait_until_reached()
             pending = begin(live, "move")
             master.kill()
             master.wait(WAIT)

@@ -51,21 +51,12 @@ def test_cell(jaka_replay):
 """
 
 
-def test_a_good_run_passes_and_leaves_its_report_beside_the_results(cell):
-    folder, run = cell
-    code, said = run(PLAIN, "--junitxml=out/results.xml", "--jaka-time-scale=2")
-    assert code == 0, said
-    report = folder / "out" / "jaka_reports" / "test_cell.py_test_cell"
-    assert (report / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert ElementTree.parse(str(report / "report.xml")).getroot().find("testsuite").get("failures") == "0"
-
-
 def test_a_bad_run_fails_with_the_summary_and_leaves_the_golden_log(cell):
     folder, run = cell
     before = (folder / "golden.mcap").read_bytes()
     # No run is as exact as that. Nothing can become a golden log from which an unchanged run differs: test_update.py.
     (folder / "strict.yaml").write_text("calls: {duration_s: 0, duration_percent: 0}\n")
-    code, said = run(STRICT)
+    code, said = run(STRICT, "--jaka-time-scale=2")
     assert code == 1
     assert "DIFFERENT" in said and "durations" in said and "report.html" in said
     assert (folder / "golden.mcap").read_bytes() == before
@@ -82,7 +73,7 @@ def test_a_run_that_was_changed_on_purpose_becomes_the_golden_one_in_its_format(
     code, said = run(text, "--jaka-update")
     assert code == 1 and "responses" in said and "golden.bag is the new log: an unchanged run is the same" in said
     assert (folder / "golden.bag").read_bytes().startswith(b"#ROSBAG V2.0\n")
-    assert run(text)[0] == 0
+    assert run(text, "--jaka-time-scale=2")[0] == 0
 
 
 def test_what_cannot_be_replayed_is_an_error_with_its_reason(cell):
@@ -98,13 +89,16 @@ def test_a_driver_that_does_not_start_is_an_error_with_its_last_words(cell):
     assert code == 1 and "no driver here" in said
 
 
-def test_reports_of_an_earlier_run_never_stand_for_one_that_failed(cell):
+def test_a_good_run_leaves_its_report_beside_the_results_which_never_stands_for_a_later_one_that_failed(cell):
     folder, run = cell
-    report = folder / "jaka_reports" / "test_cell.py_test_cell"
-    assert run(PLAIN, "--jaka-time-scale=2")[0] == 0
+    report = folder / "out" / "jaka_reports" / "test_cell.py_test_cell"
+    code, said = run(PLAIN, "--junitxml=out/results.xml", "--jaka-time-scale=2")
+    assert code == 0, said
+    assert (report / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert ElementTree.parse(str(report / "report.xml")).getroot().find("testsuite").get("failures") == "0"
     assert json.loads((report / "report.json").read_text(encoding="utf-8"))["same"] is True
     (folder / "golden.yaml").write_text("arms: [{simulation: []}]\n")  # nobody enables the arm: its calls are refused
-    code, said = run(PLAIN)
+    code, said = run(PLAIN, "--junitxml=out/results.xml")
     assert code == 1 and "the calls could not be made again" in said
     told = json.loads((report / "report.json").read_text(encoding="utf-8"))
     assert told["same"] is False and "the calls could not be made again" in told["error"]

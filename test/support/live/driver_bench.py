@@ -83,7 +83,12 @@ class Arm:
         return self._proxies[key](**fields)
 
     def wait_until_seen(self):
-        """Wait until the driver answers, and the link to the controller is up."""
+        """Wait until the driver answers, the link to the controller is up, and so is its status feed."""
+        self.wait_until_reached()
+        self.listen("joint_position", 1)
+
+    def wait_until_reached(self):
+        """Wait until the driver answers, and the link to the controller is up: its status feed may still be silent."""
         assert eventually(lambda: self.call("get_fk", joint=HOME).cartesian_pose), "the driver does not reach the arm"
 
     def wait_until_ready(self):

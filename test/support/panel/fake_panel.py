@@ -26,6 +26,8 @@ POLICY = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'sel
           "frame-ancestors 'none'")
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 ARM = "/jaka_driver"
+ASKED_BY_ITSELF = ("hello", "watch", "cell", "cell_versions", "logs", "settings", "zones")
+"""Messages and commands of a page that is only looked at."""
 
 
 def arm_info(name: str = ARM, **changed: Any) -> Dict[str, Any]:
@@ -283,6 +285,10 @@ class FakePanel:
     def sent(self, kind: str) -> List[Dict[str, Any]]:
         """Return messages of a kind that pages have sent; of a command, by its name."""
         return [one for one in list(self.received) if kind in (one["t"], one.get("cmd"))]
+
+    def doing(self) -> List[Dict[str, Any]]:
+        """Return what pages have sent but the questions that a page asks by itself, at any moment."""
+        return [one for one in list(self.received) if one.get("cmd", one["t"]) not in ASKED_BY_ITSELF]
 
     def close(self) -> None:
         self.silent = False
