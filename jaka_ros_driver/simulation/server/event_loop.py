@@ -340,7 +340,9 @@ class ControllerServer:
     def _carry_out(self, connection: ClientConnection, now: float) -> None:
         self._send_replies(connection, now)
         for _ in range(_REQUESTS_A_TURN):
-            if connection.replies.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
+            if connection.replies.is_blocked or not connection.inbox or connection.is_closing:
+                return
+            if self.is_off and connection.port != OPERATOR:
                 return
             request = connection.inbox.popleft()
             connection.last_request_at = now

@@ -242,6 +242,17 @@ def test_shutdown_turns_the_cabinet_off_until_the_panel_boots_it(make_arm):
         assert client.code("get_version") == "0"
 
 
+def test_every_action_is_answered_while_the_cabinet_is_off_and_one_turns_it_on(make_arm):
+    arm = make_arm()
+    assert ask_operator_port(arm.panel_port, {"action": "reboot", "down": 600})["ok"]
+    for action in sorted(set(ACTIONS) - {"boot"}):
+        assert "ok" in ask_operator_port(arm.panel_port, {"action": action, "down": 600}), action
+        assert ask_operator_port(arm.panel_port, {"action": "wire"})["wire"]["is_off"], action
+    assert ask_operator_port(arm.panel_port, {"action": "boot"})["ok"]
+    with RawClient(arm.command_port) as client:
+        assert client.code("get_version") == "0"
+
+
 @pytest.mark.parametrize("rate", [10, 33, 125])
 def test_slow_feed_whatever_the_client_asked_for(make_arm, rate):
     arm = make_arm(time_scale=1.0)
