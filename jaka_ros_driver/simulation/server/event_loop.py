@@ -30,12 +30,6 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 
 OPERATOR = "panel"
 """The operator port's name in the first line of output, in options and in logs."""
-_READ_BYTES = 1 << 16
-"""Most bytes of one reading: what came in one piece is read in one.
-
-A busy computer's pause between two readings would be taken for one of the client, after which the rest of a bad
-document is an error of its own.
-"""
 _REQUESTS_A_TURN = 20
 _MAX_CLIENTS = 32
 _IDLE_S = 1.0
@@ -313,7 +307,8 @@ class ControllerServer:
     def _read(self, connection: ClientConnection, now: float) -> None:
         if connection.is_half_open or self._is_stalled(connection.port, now):
             return
-        data, arrived_ns = sockets.receive_stamped(self._sockets[connection], _READ_BYTES)
+        # All that waits at once: a busy computer's pause between two readings would be taken for one of the client.
+        data, arrived_ns = sockets.receive_stamped(self._sockets[connection])
         if data is None:
             return
         if not data:
