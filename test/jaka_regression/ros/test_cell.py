@@ -34,6 +34,7 @@ events:  # the gripper, whose switch is input 2
 - {after_output: {index: 1, value: 0}, delay_s: 0.4, action: set_input, index: 2, value: 0}
 """
 WITHOUT_DRIVER = ("driver:=false",)
+FIRST_RUNS = 3
 HANGS_S = 30.0
 """Limit of a program that hangs, s: its calls before that take 4 s, and 15 s on a busy host."""
 
@@ -63,15 +64,23 @@ class Cell:
 
 
 def recorded(cell, text, golden):
-    """Record a first run of the program, in the world of a scenario, as a golden log."""
-    place = golden.with_suffix(".first")
-    place.mkdir()
+    """Record a first run of the program, in the world of a scenario, as a golden log: one without a refused call.
+
+    Where the computer gives the driver no time, it refuses to read an input of which it knows nothing new.
+    """
     program = CellProgram(cell.launch, WITHOUT_DRIVER, (), 0.0, 0.0)
     scenario = parse_scenario(text, "gripper")
     topics = tuple("%s/jaka_driver/%s" % (arm.namespace, name) for arm in scenario.arms for name in TOPICS)
-    with Programs() as programs:
-        stage = CellStage(programs, place, Script(None, (), 0.0, topics), scenario)
-        assert stage.run_cell(golden, DRIVER, program) == ""
+    for number in range(FIRST_RUNS):
+        place = golden.with_suffix(".first%d" % number)
+        place.mkdir()
+        with Programs() as programs:
+            stage = CellStage(programs, place, Script(None, (), 0.0, topics), scenario)
+            assert stage.run_cell(golden, DRIVER, program) == ""
+        refused = [call.error for call in load_run(golden).calls if not call.success]
+        if not refused:
+            return
+    raise AssertionError("no good first run: %s" % refused)
 
 
 @pytest.fixture(scope="module")
@@ -123,11 +132,7 @@ def test_an_unchanged_program_is_the_same(cell, tmp_path):
 ONE_LOOK = ("    while read(\"digital\", 0, 0, GRIPPED).value != level:\n        rospy.sleep(0.05)\n",
             "    read(\"digital\", 0, 0, GRIPPED)\n")
 """A change by which the program goes on where the world waits for an output that never comes."""
-CHANGES = {
-    "5 mm off": ([("DOWN = (364.4, 233.1, 313.1", "DOWN = (364.4, 233.1, 308.1")],
-                 {"/jaka_driver/linear_move", "/jaka_driver/tool_position"}, None),
-    "the last calls left out": ([("grip(0)\nwait_for(0)\n", "")], {"/jaka_driver/set_io", "/jaka_driver/io_states"},
-                                "is missing"),
+CHANGES = {  # one that is 5 mm off, and one without its last calls, are among the last tests of this file
     "another output": ([("GRIP = 1 ", "GRIP = 3 "), ONE_LOOK], {"/jaka_driver/set_io", "/jaka_driver/io_states"}, None),
     "a wait dropped": ([("grip(1)\nwait_for(1)\n", "grip(1)\n")], {"/jaka_driver/get_io"}, "is missing"),
 }
@@ -274,15 +279,16 @@ def test_a_launch_file_that_is_not_there_is_named(tmp_path):
 
 def test_the_rostest_of_a_changed_program_has_another_exit_code_than_0(cell, tmp_path):
     # that of an unchanged one has 0: test/ros/pages/test_regression_documentation.py
-    cell.change(("line(UP)\n", ""))
+    cell.change(("grip(0)\nwait_for(0)\n", ""))
     done = subprocess.run(
         ["rostest", str(ROOT / "launch" / "cell_golden.test"), "golden:=%s" % cell.golden, "launch:=%s" % cell.launch,
          "arguments:=driver=false", "options:=--tolerances %s" % BUSY_HOST], cwd=str(tmp_path),
         env=dict(os.environ, ROS_HOME=str(tmp_path / "ros")), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, timeout=250)
-    assert done.returncode != 0 and "DIFFERENT" in done.stdout, done.stdout
+    assert done.returncode != 0 and "DIFFERENT" in done.stdout and "is missing" in done.stdout, done.stdout
     pages = list(tmp_path.rglob("report.html"))
-    assert len(pages) == 1 and ("linear_move" in pages[0].read_text(encoding="utf-8")), done.stdout
+    assert len(pages) == 1, done.stdout
+    assert all("/jaka_driver/" + name in pages[0].read_text(encoding="utf-8") for name in ("set_io", "io_states"))
 
 
 @pytest.fixture
@@ -307,10 +313,11 @@ def run_pytest(cell, tmp_path):
 
 def test_a_program_changed_on_purpose_makes_the_new_golden_log_and_a_report_is_left(cell, run_pytest, tmp_path):
     cell.change(("DOWN = (364.4, 233.1, 313.1", "DOWN = (364.4, 233.1, 308.1"))
+    before = cell.golden.read_bytes()
     code, said = run_pytest("--jaka-update")
     assert code == 1 and "golden.mcap is the new log: an unchanged run is the same" in said, said
-    code, said = run_pytest()
-    assert code == 0, said
+    assert "DIFFERENT" in said and "/jaka_driver/linear_move" in said and "/jaka_driver/tool_position" in said, said
+    assert (tmp_path / "golden.mcap").read_bytes() != before == cell.golden.read_bytes()
     report = tmp_path / "jaka_reports" / "test_it.py_test_it"
     assert {"report.html", "report.xml", "report.json", "candidate.mcap", "scenario.yaml", "cell.log"} <= {
         path.name for path in report.iterdir()}

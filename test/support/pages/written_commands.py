@@ -14,6 +14,8 @@ _PROGRAM = (r"(?:rosrun|roslaunch|rosservice|rostopic|rostest|rosmsg|rossrv|rosp
             r"jaka_(?:bag|driver|foxglove|panel|rostest|sim))")
 _COMMAND = re.compile(r"(?:[A-Z_]+=\S* )*%s(?= |$)" % _PROGRAM)
 _HINT = re.compile(r"(?:[A-Z_]+=\S* )*(?:build/venv/bin/)?\bpython3? (?:-m jaka[\w.]+|[\w./]+\.py|%s)(?: > \S+)?")
+_HEAD = re.compile(r'(?:\s|#[^\n]*\n)*([rR]?""".*?""")', re.DOTALL)
+"""The docstring of a file. To parse each file for it takes each process of a parallel run a second."""
 PLANTED = ("test_program_starts.py", "test_written_commands.py")
 """Tests with commands that are wrong on purpose."""
 STUBS = re.compile(r"jaka_\w+ -{3,}|jaka_\w+: ")
@@ -83,10 +85,11 @@ def everything() -> List[Written]:
         found += of_page(_place(page), page.read_text(encoding="utf-8"))
     for folder in FOLDERS:
         for path in sorted(folder.rglob("*.py")):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            found += of_head(_place(path), ast.get_docstring(tree, clean=False) or "")
-            if path.name.startswith("test_") and path.name not in PLANTED:
-                found += of_hints(_place(path), tree)
+            text = path.read_text(encoding="utf-8")
+            head = _HEAD.match(text)
+            found += of_head(_place(path), ast.literal_eval(head.group(1)) if head else "")
+            if path.name.startswith("test_") and path.name not in PLANTED and _HINT.search(text):
+                found += of_hints(_place(path), ast.parse(text))
     return list(dict.fromkeys(found))
 
 
