@@ -41,10 +41,10 @@ left_out: List[str] = []
 
 program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
 
-# The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
-# machine proves nothing about the code. A derandomized run has no use for a database of earlier failures. Without ROS
-# the tests run once more for the sake of another Python: a few examples show what it would do otherwise.
-settings.register_profile("jaka", derandomize=True, database=None, deadline=None, max_examples=15 if MISSING else 100,
+# The same examples in every run and on every Python, for a failure that cannot be had again helps nobody; and no limit
+# of time, for a busy machine proves nothing about the code. A derandomized run has no use for a database of earlier
+# failures.
+settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("jaka")
 

@@ -5,7 +5,7 @@ The definitions are of our own writing and have the fields of the published ones
 another one no client that was built with the published definition would connect.
 """
 import importlib
-from typing import Any, Dict
+from typing import Any, Dict, Sequence, Set, Tuple
 
 import genpy.dynamic
 
@@ -146,12 +146,38 @@ def message_type(name: str) -> Any:
 
 
 def made_type(name: str) -> Any:
-    """Return a class made from the definitions of this file, the same on the wire; its fields' types are made, too."""
+    """Return a class made from the definitions of this file, the same on the wire; its fields' types are made, too.
+
+    Those of one package are made at once, of grippers or of others: the time that genpy takes grows with the square of
+    their number.
+    """
     if name not in _made:
+        wanted = _with_fields([other for other in _DEFINITIONS if _family(other) == _family(name)])
         parts = [_DEFINITIONS[name]]
-        parts += [_SEPARATOR % other + text for other, text in sorted(_DEFINITIONS.items()) if other != name]
-        _made.update(genpy.dynamic.generate_dynamic(name, "".join(parts)))
+        parts += [_SEPARATOR % other + _DEFINITIONS[other] for other in sorted(wanted) if other != name]
+        for made, message in genpy.dynamic.generate_dynamic(name, "".join(parts)).items():
+            _made.setdefault(made, message)
     return _made[name]
+
+
+def _family(name: str) -> Tuple[str, bool]:
+    return name.split("/")[0], "/Gripper" in name
+
+
+def _with_fields(names: Sequence[str]) -> Set[str]:
+    """Return types with those of their fields, and of their fields' fields."""
+    found: Set[str] = set()
+    left = list(names)
+    while left:
+        name = left.pop()
+        found.add(name)
+        for line in _DEFINITIONS[name].splitlines():
+            field = line.split()[0].partition("[")[0]
+            field = "std_msgs/Header" if field == "Header" else field
+            field = field if "/" in field else "%s/%s" % (name.split("/")[0], field)
+            if field in _DEFINITIONS and field not in found:
+                left.append(field)
+    return found
 
 
 def service_type(name: str) -> Any:

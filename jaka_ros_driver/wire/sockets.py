@@ -54,7 +54,7 @@ def stamp_arrivals(link: socket.socket) -> None:
         link.setsockopt(socket.SOL_SOCKET, _STAMP_ARRIVALS, 1)
 
 
-def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Optional[bytes], int]:
+def receive_stamped(link: socket.socket) -> Tuple[Optional[bytes], int]:
     """Return the next bytes as ``receive`` does, and when the last of them arrived, ns of ``time.monotonic_ns``.
 
     The system stamps with the wall clock. Where this process is held up between reading the two clocks, the moment is
@@ -62,7 +62,7 @@ def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Op
     clock between the arrival and this call shifts the moment, but never into the future.
     """
     try:
-        data, ancillary, _, _ = link.recvmsg(most, _ANCILLARY_BYTES)
+        data, ancillary, _, _ = link.recvmsg(_RECEIVE_BYTES, _ANCILLARY_BYTES)
     except BlockingIOError:
         return None, time.monotonic_ns()
     except OSError:

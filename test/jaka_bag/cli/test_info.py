@@ -11,7 +11,7 @@ from program_places import command_of
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import read_index
-from jaka_bag.operations.timing import timing_of
+from jaka_bag.operations.timing import Timing
 
 SAMPLES = state_log(2.0)
 
@@ -73,6 +73,12 @@ def test_rate_jitter_and_gaps_from_the_index(tmp_path, capsys):
     assert timing["largest_gap_at_ns"] == START_NS + 499 * 8_000_000
     assert found[TOOL.topic]["missing"] is None
     assert "1 gaps (~3 missing)" in info(capsys, "--freq", path)
+
+
+def timing_of(times):
+    timing = Timing()
+    timing.add(times)
+    return timing.document()
 
 
 def test_timing_of_few_or_equal_times():

@@ -98,14 +98,6 @@ class Timing:
         return dict(result, text=text)
 
 
-def timing_of(times: Array) -> Dict[str, Any]:
-    """Return ``Timing.document`` of ascending log times, ns."""
-    timing = Timing()
-    if len(times):
-        timing.add(times)
-    return timing.document()
-
-
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
     """Put ``freq`` into each topic of an info document that the log, as it is read here, has."""
     by_topic: Dict[str, Timing] = {}
