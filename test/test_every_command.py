@@ -200,7 +200,7 @@ def test_an_option_that_spreads_work_does_it_with_two_workers(name, option, fold
     need_tables(name)
     if name == "replay":
         pytest.importorskip("rospy", reason="a driver needs ROS")
-    if name != "convert" or option == "--dask":
+    if option == "--dask":
         pytest.importorskip("distributed")
     (folder / "logs" / "day.mcap").unlink()
     (folder / "two_logs").mkdir()

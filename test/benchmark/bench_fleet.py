@@ -1,6 +1,6 @@
 """Logs of a fleet into a data set: speed with one and two workers, memory, bytes, and the questions of docs/fleet.md.
 
-The logs are simulated, 2 minutes at 125 Hz with six topics; the workers are those of a Dask cluster on this computer. A
+The logs are simulated, 2 minutes at 125 Hz with six topics; the workers are processes of this computer. A
 rate counts from the moment when each worker has given a result to the last result, so the start of the cluster does not
 count; nor does the making of the logs. Each number of workers has several passes in turn, and the speed-up is that of
 their median times: one pass alone is off by a quarter on a shared machine. On a busy one the two workers have less than
@@ -36,7 +36,7 @@ from fleet_logs import DAY_S, Run, write_run  # noqa: E402
 from fleet_tasks import measured_add  # noqa: E402
 from page_commands import blocks  # noqa: E402
 
-from jaka_bag.engines.dask_engine import Dask  # noqa: E402
+from jaka_bag.engines.processes import Processes  # noqa: E402
 from jaka_bag.engines.tasks import DONE, LogResult, LogTask, Serial, run_tasks  # noqa: E402
 from jaka_fleet.dataset.adding import AddSettings, find_logs  # noqa: E402
 from jaka_fleet.dataset.query import DataSet  # noqa: E402
@@ -94,7 +94,7 @@ def add(logs: List[str], target: Path, workers: int) -> Pass:
         results.append(result)
 
     run_tasks(measured_add, [LogTask(path, AddSettings(str(target))) for path in logs],
-              Dask(workers=workers) if workers else Serial(), take)
+              Processes(workers, "spawn") if workers else Serial(), take)
     wrong = [result for result in results if result.status != DONE]
     if wrong:
         raise SystemExit("%s: %s" % (wrong[0].path, wrong[0].reason))

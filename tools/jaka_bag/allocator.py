@@ -4,19 +4,18 @@ As glibc is set, it gives large blocks back to the system at once, which clears 
 tenth of a conversion's processor time, and workers side by side hold each other up meanwhile. See mallopt(3).
 """
 import ctypes
-from typing import Dict, NamedTuple
+from typing import NamedTuple
 
 
 class _Setting(NamedTuple):
-    """One parameter of glibc's malloc: its number for mallopt, its environment variable, its value in bytes."""
+    """One parameter of glibc's malloc: its number for mallopt, its value in bytes."""
 
     number: int
-    variable: str
     size: int
 
 
-_SETTINGS = (_Setting(-1, "MALLOC_TRIM_THRESHOLD_", 128 << 20), _Setting(-3, "MALLOC_MMAP_THRESHOLD_", 32 << 20),
-             _Setting(-2, "MALLOC_TOP_PAD_", 16 << 20))
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _TOP_PAD = -1, -3, -2
+_SETTINGS = (_Setting(_TRIM_THRESHOLD, 128 << 20), _Setting(_MMAP_THRESHOLD, 32 << 20), _Setting(_TOP_PAD, 16 << 20))
 
 
 def keep_freed_memory() -> None:
@@ -35,8 +34,3 @@ def give_back_freed_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
     except (AttributeError, OSError):
         pass  # another C library
-
-
-def environment() -> Dict[str, int]:
-    """Return the environment variables by which a process that is started keeps freed memory, with their values."""
-    return {setting.variable: setting.size for setting in _SETTINGS}

@@ -7,7 +7,7 @@ import threading
 import pytest
 from dask_cluster import DaskCluster
 from fleet_logs import write_plant
-from fleet_tasks import describe, die_once
+from fleet_tasks import describe
 from many_sessions import drift, run_of
 from synthetic_session import write_log
 from waiting import wait_until
@@ -15,7 +15,7 @@ from waiting import wait_until
 from jaka_bag.cli.main import main
 from jaka_bag.engines.dask_engine import Dask
 from jaka_bag.engines.processes import Processes
-from jaka_bag.engines.tasks import DONE, LogTask, Serial, run_tasks
+from jaka_bag.engines.tasks import LogTask, Serial, run_tasks
 from jaka_bag.errors import BagError
 
 TASKS = [LogTask("log_%d" % number, settings)
@@ -70,12 +70,6 @@ def test_every_engine_gives_the_same(cluster):
     ours = results(Serial())
     assert results(Processes(2)) == ours
     assert results(Dask(cluster.address)) == ours
-
-
-def test_a_cluster_of_this_computer_gives_the_same_and_bears_the_death_of_a_worker(tmp_path):
-    found = results(Dask(workers=2), [LogTask("log_%d" % i, str(tmp_path)) for i in range(6)], die_once)
-    assert [result.status for result in found] == [DONE] * 6 and (tmp_path / "died").exists()
-    assert len(list(tmp_path.glob("done *"))) == 6
 
 
 def test_more_tasks_than_a_cluster_holds_at_a_time_each_have_one_result(cluster, monkeypatch):

@@ -396,13 +396,13 @@ def test_an_interrupted_folder_leaves_whole_files_only(tmp_path, again):
             "    os.killpg(os.getpgid(0), signal.SIGINT)\n"
             "    signal.pause()\n"
             "convert.LossNotes.look = look\n"
-            "from jaka_bag.engines import processes\n"
-            "children = processes.multiprocessing.active_children\n"
-            "def active_children():\n"
+            "from multiprocessing.process import BaseProcess\n"
+            "terminate = BaseProcess.terminate\n"
+            "def terminated(process):\n"
             "    if %r:\n"
             "        os.kill(os.getpid(), signal.SIGINT)\n"
-            "    return children()\n"
-            "processes.multiprocessing.active_children = active_children\n"
+            "    terminate(process)\n"
+            "BaseProcess.terminate = terminated\n"
             "sys.exit(main(['convert', %r, '--jobs', '2']))")
     done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), again, str(folder))], stderr=subprocess.PIPE,
                           start_new_session=True, timeout=120)

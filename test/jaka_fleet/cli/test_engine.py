@@ -7,6 +7,7 @@ from fleet_logs import write_plant
 from program_places import command_of
 
 from jaka_bag.engines.dask_engine import Dask
+from jaka_bag.engines.processes import Processes
 from jaka_bag.engines.tasks import LogTask, Serial
 from jaka_bag.errors import UsageError
 from jaka_fleet.cli import engine
@@ -28,11 +29,11 @@ def chosen(folder, count, size, **options):
 
 @pytest.mark.parametrize("count, size, options, kind, words", [
     (2, 1000, {}, Serial, "2 logs, 2.0 kB: one at a time, in this process"),
-    (2, 4_600_000, {}, Dask, "2 logs, 9.2 MB: 2 at a time, in workers of this computer"),
+    (2, 4_600_000, {}, Processes, "2 logs, 9.2 MB: 2 at a time, in processes of this computer"),
     (2, 4_200_000, {}, Serial, "2 logs, 8.4 MB: one at a time, in this process"),
-    (20, 1000, {}, Dask, "20 logs, 20.0 kB: 2 at a time, in workers of this computer"),
+    (20, 1000, {}, Processes, "20 logs, 20.0 kB: 2 at a time, in processes of this computer"),
     (1, 20_000_000, {}, Serial, "1 log, 20.0 MB: one at a time, in this process"),
-    (2, 1000, {"jobs": 2}, Dask, "2 logs, 2.0 kB: 2 at a time, in workers of this computer"),
+    (2, 1000, {"jobs": 2}, Processes, "2 logs, 2.0 kB: 2 at a time, in processes of this computer"),
     (2, 20_000_000, {"jobs": 1}, Serial, "2 logs, 40.0 MB: one at a time, in this process"),
     (1, 1000, {"dask": "tcp://head:8786"}, Dask, "1 log, 1.0 kB: on the Dask scheduler tcp://head:8786")],
     ids=["little", "much", "not much", "many", "one", "asked for", "asked to be alone", "elsewhere"])

@@ -32,10 +32,18 @@ def die_once(task: LogTask) -> LogResult:
     raise AssertionError("alive")
 
 
+def die_where_told(task: LogTask) -> LogResult:
+    """Kill this process where the settings demand it."""
+    if task.settings:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.01)
+    return LogResult(task.path)
+
+
 def wait_for_gate(task: LogTask) -> LogResult:
-    """Leave a file at the begin, and wait until the gate stands in the folder."""
+    """Leave a file with this process's id at the begin, and wait until the gate stands in the folder."""
     folder = Path(task.settings)
-    (folder / ("began %s" % task.path)).touch()
+    (folder / ("began %s" % task.path)).write_text(str(os.getpid()))
     end = time.monotonic() + 100.0
     while not (folder / "gate").exists():
         if time.monotonic() > end:

@@ -1,4 +1,4 @@
-"""Tasks on the workers of a Dask cluster: one that runs somewhere, or one of this computer for the time of the call.
+"""Tasks on the workers of a Dask cluster.
 
 Few tasks are with the scheduler at a time, so its memory and this program's stay the same however many there are.
 Dask itself gives the task of a worker that died to another, and gives up one that three workers died of. A scheduler
@@ -8,7 +8,6 @@ import contextlib
 import importlib
 import itertools
 import logging
-import multiprocessing.resource_tracker
 import queue
 import time
 import uuid
@@ -16,9 +15,7 @@ import warnings
 from collections import deque
 from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple
 
-from .. import allocator
 from ..errors import BagError, MissingDependency
-from ..interrupts import held_back
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 CONNECT_S = 20.0
@@ -31,12 +28,6 @@ _TOGETHER = 32
 """Number of tasks in one message: a message for each would cost the scheduler 6 ms of its processor time."""
 _TRIES = 5
 """Number of schedulers that may be lost one after the other without a result in between."""
-
-_CALM = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
-         "distributed.admin.system-monitor.interval": "2s", "distributed.worker.memory.monitor-interval": "1s"}
-"""Dask's watching of itself takes 5 % of a processor here and 3 % of each worker's as it is set, and 1 % so."""
-_KEEPS_MEMORY = {"distributed.nanny.pre-spawn-environ." + name: size for name, size in allocator.environment().items()}
-"""Dask has its workers give memory back at once."""
 
 
 @contextlib.contextmanager
@@ -60,35 +51,21 @@ class Dask(Engine):
     """An engine on Dask workers, which see the same files under the same names and have this package.
 
     Args:
-        address: Address of a scheduler, as ``tcp://host:8786``; None for a cluster of this computer.
-        workers: Processes of a cluster of this computer.
+        address: Address of a scheduler, as ``tcp://host:8786``.
         return_s: Time limit for the absence of the scheduler, or of all workers, s.
     """
 
-    def __init__(self, address: Optional[str] = None, workers: int = 2, return_s: float = RETURN_S) -> None:
+    def __init__(self, address: str, return_s: float = RETURN_S) -> None:
         self._address = address
-        self._workers = workers
         self._return_s = return_s
 
     def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
         try:
             distributed = importlib.import_module("distributed")
         except ImportError:
-            raise MissingDependency("--dask needs the Python package distributed" if self._address is not None else
-                                    "several logs at a time need the Python package distributed: install it, or call "
-                                    "with --jobs 1") from None
-        with _quiet(), contextlib.ExitStack() as stack:
-            if self._address is None:
-                stack.enter_context(importlib.import_module("dask.config").set({**_CALM, **_KEEPS_MEMORY}))
-                multiprocessing.resource_tracker.ensure_running()  # begun below, it would let the signal through
-                with held_back():  # a terminal sends Ctrl-C to all processes of a command; this one is to handle it
-                    cluster = stack.enter_context(distributed.LocalCluster(
-                        n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                        dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL))
-                address = str(cluster.scheduler_address)
-            else:
-                address = self._address
-            _Run(distributed, address, self._return_s, function, tasks, on_result).run()
+            raise MissingDependency("--dask needs the Python package distributed") from None
+        with _quiet():
+            _Run(distributed, self._address, self._return_s, function, tasks, on_result).run()
 
 
 class _Run:

@@ -26,8 +26,8 @@ examples:
   jaka_bag dataset add logs --to s3://plant/fleet --cell press_4 --dask tcp://head:8786
 """
 
-_WORTH_BYTES = 300_000_000
-"""Work, bytes, that one process does in 4 s: then a few workers have started, and done it (``bench_fleet --start``)."""
+_WORTH_BYTES = 120_000_000
+"""Work, bytes, that one process does in 1.6 s: then a few have started, and done it (``bench_fleet --start``)."""
 
 
 def pattern(text: str) -> str:

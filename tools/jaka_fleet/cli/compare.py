@@ -54,8 +54,8 @@ examples:
 FOLDER = "compare"
 """Folder of a data set where results are."""
 PAGE, REPORTS = "report.html", "reports"
-_WORTH_BYTES = 90_000_000
-"""Work, bytes, that one process does in 4 s: then a few workers have started, and done it (``bench_fleet --start``)."""
+_WORTH_BYTES = 40_000_000
+"""Work, bytes, that one process does in 1.6 s: then a few have started, and done it (``bench_fleet --start``)."""
 
 
 class Candidate(NamedTuple):

@@ -27,11 +27,10 @@ class EngineChoice(NamedTuple):
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """Add ``--jobs`` and ``--dask``."""
-    group = parser.add_argument_group("where the work is done (default: little work in this process, more on a Dask "
-                                      "cluster of this computer)")
+    group = parser.add_argument_group("where the work is done (default: little work in this process, more in a process "
+                                      "for each processor)")
     group.add_argument("--jobs", type=count, metavar="N",
-                       help="logs at a time on this computer (default: its processors, 1 where there is little to do); "
-                            "1 needs no Dask")
+                       help="logs at a time on this computer (default: its processors, 1 where there is little to do)")
     group.add_argument("--dask", type=given, metavar="ADDRESS", help="hand the logs to the Dask scheduler there")
 
 
@@ -60,10 +59,11 @@ def choose_engine(args: argparse.Namespace, tasks: Sequence[LogTask], worth_byte
     is_little = size + _LOG_BYTES * len(tasks) < worth_bytes
     if args.dask is None and (jobs == 1 or args.jobs is None and is_little):
         return EngineChoice(Serial(), "%s: one at a time, in this process" % work)
+    if args.dask is None:
+        from jaka_bag.engines.processes import Processes
+        return EngineChoice(Processes(jobs, "spawn"), "%s: %d at a time, in processes of this computer" % (work, jobs))
     from jaka_bag.engines.dask_engine import Dask
-    where = "%d at a time, in workers of this computer" % jobs if args.dask is None else "on the Dask scheduler %s" % (
-        args.dask)
-    return EngineChoice(Dask(args.dask, jobs), "%s: %s" % (work, where))
+    return EngineChoice(Dask(args.dask), "%s: on the Dask scheduler %s" % (work, args.dask))
 
 
 def for_workers(args: argparse.Namespace, location: str) -> str:
