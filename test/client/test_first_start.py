@@ -47,3 +47,10 @@ def test_where_nothing_can_be_noted_no_start_is_the_first(folder, caplog, monkey
     monkeypatch.setattr(first_start, "boot", unknown)
     os.chmod(folder, 0o700)
     assert not start(folder)
+
+
+def test_the_note_of_a_start_is_written_once(folder):
+    assert start(folder)
+    path, = (os.path.join(folder, name) for name in os.listdir(folder))
+    os.utime(path, (1.0, 1.0))
+    assert not start(folder) and os.stat(path).st_mtime == 1.0

@@ -21,10 +21,10 @@ class Asked:
     def request(self, command, now, on_reply):
         self.asked.append((command, on_reply))
 
-    def frame(self, joint, is_enabled=True):
+    def frame(self, joint, is_enabled=True, is_powered=True):
         """Show joint 1 there, rad, one period later; returns why the feed is too old."""
         self.now += PERIOD
-        state = RobotState(joints(joint), True, is_enabled, True, False, False, received_at=self.now)
+        state = RobotState(joints(joint), is_powered, is_enabled, True, False, False, received_at=self.now)
         return self.witness.saw(state, True, PERIOD)
 
     def ask(self):
@@ -180,3 +180,15 @@ def test_a_disputed_feed_is_asked_about_once_it_shows_something_and_one_question
     assert one.witness.wants_to_ask(0.0, one.now)
     one.ask()
     assert not one.witness.wants_to_ask(0.0, one.now)
+
+
+@pytest.mark.parametrize("shown", [(True, False), (False, True), (False, False)])
+def test_drives_count_as_known_only_from_an_answer_while_the_feed_shows_them_on(shown):
+    one = Asked()
+    one.frame(0.0, is_enabled=shown[1], is_powered=shown[0])
+    one.ask()
+    one.answer(Query.DRIVES_READY, True)
+    one.frame(0.0)
+    one.ask()
+    one.answer(Query.DRIVES_READY, False)  # of a controller whose answer need not be that of these drives
+    assert not any(one.frame(0.0) for _ in range(12))

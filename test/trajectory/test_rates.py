@@ -1,10 +1,13 @@
 """Paths that pass a limit a little: slowed there on the same way, and refused from a quarter on."""
+import math
+
 import numpy as np
 import pytest
 from plans import ACCELERATION, HOME, MODEL, PERIOD, REST, TOP, at, build, moving, resting, wave
 
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThePast
+from jaka_ros_driver.trajectory.rates import Rates, SlowPart
 
 
 def fast(factor, spacing=0.05):
@@ -144,3 +147,22 @@ def test_a_joint_that_moves_and_is_not_named_stops_on_its_way_and_does_not_come_
 def test_a_goal_that_ends_before_the_joints_that_it_does_not_name_can_stop_is_refused():
     with pytest.raises(InvalidTrajectory, match="ends too soon"):
         build([at(0.2, (0.01, 9.0), REST)], moving((0.0, 0.2), (0.0, 2.0)), held=(1,))
+
+
+def test_the_clock_slows_and_recovers_smoothly_beside_a_slowed_part():
+    rates = Rates([SlowPart(1.0, 2.0, 0.5)], 0.4, "")
+    assert [rates.at(time) for time in (0.59, 1.0, 1.7, 2.0, 2.41)] == [math.inf, 0.5, 0.5, 0.5, math.inf]
+    assert [rates.at(0.8), rates.at(2.2)] == pytest.approx([0.75, 0.75])
+    assert rates.at(0.601) == pytest.approx(1.0, abs=1e-4) and rates.at(0.999) == pytest.approx(0.5, abs=1e-4)
+    times = np.array([0.7, 0.8, 1.5, 2.3])
+    here, slopes = rates.samples(times)
+    assert here == pytest.approx([rates.at(time) for time in times])
+    assert slopes == pytest.approx([(rates.at(time + 1e-4) - rates.at(time)) / 1e-4 for time in times], abs=2e-3)
+
+
+def test_how_late_a_trajectory_is_counts_from_its_first_point():
+    points = [at(5.0, (0.0,), ()), at(8.0, (0.5,), ()), at(11.0, (1.0,), ())]
+    path = build(points, elapsed=8.3, late=3.5)
+    assert path.end - path.begin == pytest.approx(6.0, abs=0.01)
+    with pytest.raises(TrajectoryOfThePast, match=r"3\.700 s ago"):
+        build(points, elapsed=8.7, late=3.5)

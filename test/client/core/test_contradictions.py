@@ -244,3 +244,15 @@ def test_what_stops_a_motion_names_itself():
         log = " ".join(cell.log)
         assert "stopping the arm" in log, row.name
         assert owner is MotionOwner.PROGRAM or isinstance(cell.error("motion"), MotionInterrupted)
+
+
+def test_what_was_seen_before_the_sight_was_lost_is_not_what_an_arm_jumps_from():
+    cell = Cell()
+    watch = JumpWatch(MODEL.joint_max_speed)
+    state = cell.core.fresh_state(cell.now)
+    moved = type(state)(**{**vars(state), "joint_position": (math.radians(60.0),) + state.joint_position[1:],
+                           "received_at": state.received_at + 0.008})
+    assert not watch.jump(state) and watch.jump(moved)
+    watch.jump(state)
+    watch.lose_sight()
+    assert not watch.jump(moved)

@@ -213,3 +213,20 @@ def test_an_arm_that_comes_to_rest_in_time_is_recovered_then():
     assert story.count("clear_error") == 1 and story.error("call") == "pending"
     story.fields["protective_stop"] = 0
     assert story.run(0.5).error("call") is None
+
+
+@pytest.mark.parametrize("fields, missing", [
+    ({}, []), ({"protective_stop": 1}, ["clear_err"]), ({"errcode": "0xf0017"}, ["clear_err"]),
+    ({"emergency_stop": 1, "protective_stop": 1, "powered_on": 0, "enabled": False},
+     ["release the emergency stop", "clear_err", "power", "enable"])])
+def test_what_is_missing_is_told_in_the_order_in_which_it_is_to_be_done(fields, missing):
+    story = Story()
+    story.fields.update(fields)
+    story.run(0.1)
+    assert power.missing_for_motion(story.core.state) == missing
+
+
+@pytest.mark.parametrize("fields, event", [({}, "no event"), ({"errcode": "0x10f0001"}, "event 0x10F0001")])
+def test_an_arm_that_does_not_follow_is_told_with_its_event(fields, event):
+    story = asked(lambda core: power.set_power(core, True), **OFF, **fields).run(70.0)
+    assert isinstance(story.error("call"), MotionInterrupted) and "(%s)" % event in str(story.error("call"))

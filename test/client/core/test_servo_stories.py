@@ -252,3 +252,13 @@ def test_only_a_servo_mode_that_was_entered_is_said_to_have_ended():
     story.core.stop("stop", story.now)
     story.run(0.5)
     assert sum("servo mode has ended" in text for text in story.log) == 1
+
+
+@pytest.mark.parametrize("wanted, words", [(True, "being entered"), (False, "being left: ")])
+def test_no_target_is_taken_while_servo_mode_is_entered_or_left(wanted, words):
+    story = Story() if wanted else streaming()
+    story.replies["servo_move"] = None
+    story.core.servo_mode("mode", wanted, story.now)
+    story.perform()
+    with pytest.raises(InvalidCommand, match="refused: servo mode is " + words):
+        story.core.set_servo_target(ServoJoint((HOME[0] + 1e-4,) + HOME[1:]), story.now)

@@ -4,6 +4,7 @@ import random
 
 import pytest
 
+from jaka_ros_driver.client.core.motion import rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S, Stillness
 from jaka_ros_driver.state import RobotState
 
@@ -138,3 +139,10 @@ def test_a_motion_that_ends_as_motions_do_rests_no_later_or_hardly(end, period):
 
 def test_a_jump_is_no_creep():
     assert seen(seen(Stillness(), 100.0, 100.4), 100.408, 100.488, (0.001,) * 6).duration() == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize("speed, is_linear, joint_speed", [
+    (0.0005, False, 0.0005), (0.0002, False, 0.0002), (0.00045, True, 0.0003)])
+def test_a_slow_motion_is_waited_for_as_long_as_two_movements_take(speed, is_linear, joint_speed):
+    assert rest_time_at(speed, is_linear) == pytest.approx(2.0 * MOVEMENT / joint_speed)
+    assert rest_time_at(1.0, is_linear) == REST_TIME_S

@@ -22,6 +22,7 @@ from jaka_ros_driver.kinematics.rotations import (
     compose,
     distance_between,
     invert,
+    matrix_from_rotation_vector,
     matrix_from_rpy,
     rotation_angle_between,
     rotation_vector_from_matrix,
@@ -230,3 +231,19 @@ def test_the_first_step_from_rest_is_one_of_the_acceleration_of_a_cycle():
     follower.step((0.25, 0.0, 0.0, 0.0, 0.0, 0.0), JogFrame.BASE)
     way = distance_between(begin, compose(forward(ZU7, follower.now.joint_position), TOOL))
     assert 0.0 < way <= 1.01 * TCP_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
+
+
+@pytest.mark.parametrize("frame", [JogFrame.BASE, JogFrame.TOOL])
+@pytest.mark.parametrize("twist", [
+    (0.1, -0.2, 0.3, 0.7, 0.4, -0.5), (0.0, 0.2, 0.0, 0.0, 0.0, 0.9), (0.3, 0.1, -0.2, 2e-5, -3e-5, 1e-5),
+    (0.0, 0.0, 0.0, 0.3, -0.6, 0.2), (0.2, 0.0, 0.1, 0.0, 0.0, 0.0)])
+def test_the_tool_is_where_many_small_steps_of_the_twist_lead(frame, twist):
+    line, speed = line_along(TOOL, twist, frame)
+    steps = 4000
+    small = transform(matrix_from_rotation_vector([value / steps for value in twist[3:]]),
+                      [value / steps for value in twist[:3]])
+    place = TOOL
+    for _ in range(steps):
+        place = compose(place, small) if frame is JogFrame.TOOL else transform(
+            compose(transform(small[:9], (0.0, 0.0, 0.0)), place)[:9], [a + b for a, b in zip(place[9:], small[9:])])
+    assert line.at(speed) == pytest.approx(place, abs=1e-4)

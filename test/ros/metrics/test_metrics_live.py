@@ -175,3 +175,8 @@ def test_temperatures_are_told_by_the_number_of_the_joint():
     found = {family.name: family for family in figures._of_state(state)}["jaka_temperature_celsius"].samples
     assert {sample.labels["part"]: sample.value for sample in found} == {
         **{"joint_%d" % number: 30.0 + number for number in range(1, 7)}, "cabinet": 40.0}
+
+
+def test_of_a_controller_without_temperatures_there_is_no_such_figure():
+    state = RobotState(HOME, True, True, False, False, False, received_at=1.0)
+    assert "jaka_temperature_celsius" not in {family.name for family in figures._of_state(state)}
