@@ -290,7 +290,7 @@ def test_an_output_that_was_set_by_hand_says_by_whom_until_it_is_set_otherwise(p
                                                          "AO 1set by hand here, " + time.strftime("%H:%M")[:4]]
     assert all(one.endswith(", <b>page") for one in page.evaluate(said))
     page.load_again()
-    page.until("document.querySelector('#mounted') !== null")
+    page.until("document.querySelector('#joints td.number')?.textContent", "it is drawn: nothing moves any more")
     page.click("#tab-io")
     page.until(said + ".length === 2")
     panel.say(**by_hand(("digital", 3, True), ("digital", 40, False)))

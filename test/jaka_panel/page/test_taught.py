@@ -73,6 +73,7 @@ def test_points_of_the_browser_are_offered_once_and_changes_of_others_are_shown(
     page.evaluate("localStorage.setItem('jaka-panel-points', %s)" % json.dumps(json.dumps(
         {ARM: [{"name": "old", "q": HOME}, {"name": "x", "q": [1]}]})))
     page.load_again()
+    page.until("document.querySelector('#joints td.number')?.textContent", "it is drawn: nothing moves any more")
     page.until("document.querySelector('#cell-offer') && !document.querySelector('#cell-offer').hidden")
     page.click("#tab-cell")
     page.click("#name-label")
