@@ -55,6 +55,18 @@ def test_all_that_waits_is_received_in_one_piece(peer):
     assert len(received[0].data) > 65536
 
 
+def test_what_fills_its_last_read_is_received_once(peer):
+    end = peer.connect(Port.STATUS)
+    end.settimeout(10.0)
+    sent = bytes(range(256)) * 256
+    assert len(sent) == 65536
+    end.sendall(sent)
+    assert eventually(lambda: peer.read() and sum(
+        len(one.data) for one in peer.events if isinstance(one, Received)) >= len(sent))
+    peer.read()
+    assert b"".join(one.data for one in peer.events if isinstance(one, Received)) == sent
+
+
 def test_what_the_network_does_not_take_at_once_is_sent_later_and_in_order(peer):
     peer.listeners[Port.COMMAND].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     end = peer.connect(Port.COMMAND)

@@ -80,6 +80,9 @@ def test_messages_of_another_publisher_are_a_stream_of_its_own(log, one):
         message._connection_header = dict(HEADER, callerid=publisher)
         one.message("~jog_joints", message)
     assert [(line.state, line.node) for line in log.lines] == [("begins", "/cell"), ("begins", "/pad")]
+    one.close_streams()  # at the end of the driver, in the middle of both
+    assert [(line.state, line.node, line.messages) for line in log.lines[2:]] == [
+        ("has ended", "/cell", 2), ("has ended", "/pad", 2)]
 
 
 @pytest.mark.parametrize("status, ok, word", [(3, True, "succeeded"), (4, False, "aborted"), (77, False, "77")])
