@@ -10,7 +10,7 @@ from arm_bench import fill
 from guarded_driver import ROOT
 from waiting import WAIT, StallWatch, eventually
 
-from jaka_ros_driver.client.driver_pipe import OUTLIVED
+from jaka_ros_driver.client.driver_pipe import OUTLIVED, STOPPING, WATCHING
 from jaka_ros_driver.client.guard_post import GuardPost
 from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
@@ -175,6 +175,19 @@ def test_a_guard_that_is_asked_to_end_while_it_starts_stops_the_arm(driver):
     assert post.has_exited(WAIT) and post._process.returncode == 0
     assert eventually(lambda: not one.is_moving())
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ()) & set(OUTLIVED), "they are kept from the driver"
+
+
+def test_the_last_of_several_answers_says_whether_the_guard_stops_the_arm():
+    post = GuardPost(1.0)
+    post._its_answers.write(WATCHING + STOPPING)
+    assert post.listen(2.0) and post.is_stopping, "it has just begun"
+    post._its_answers.write(STOPPING + WATCHING)
+    assert not post.listen(3.0) and not post.is_stopping and post.received_at == 3.0
+    assert not post.listen(4.0) and post.received_at == 3.0 and not post.has_ended, "nothing has come"
+    post._its_answers.close()
+    assert not post.listen(5.0) and post.has_ended
+    for pipe in (post._its_words, post._words, post._answers):
+        pipe.close()
 
 
 def guard_of(one, driver, *options):

@@ -22,7 +22,14 @@ from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterru
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
-from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, pose_from_transform, transform_from_pose
+from jaka_ros_driver.kinematics.rotations import (
+    IDENTITY,
+    compose,
+    matrix_from_rpy,
+    pose_from_transform,
+    transform,
+    transform_from_pose,
+)
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.trajectory.build import BuildOptions, build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
@@ -208,6 +215,18 @@ def test_a_corner_whose_rounding_touches_a_zone_is_refused_where_the_sharp_one_i
     assert re.match(r"segment 1: refused: on the rounded corner where it begins, after \d+ mm of \d+ mm the flange "
                     r".*keep-out box 'peg'", str(error)), error
     assert "moveL" not in names(arm)
+
+
+@pytest.mark.parametrize("length, turn", [(0.0, 1.0), (0.1, 0.0), (0.1, 0.2), (0.05, 1.0)])
+def test_a_line_is_looked_at_every_centimetre_and_every_twentieth_of_a_radian(length, turn):
+    frames = ToolFrames(IDENTITY, IDENTITY)
+    end = compose(frames.tool_at(MODEL, HOME), transform(matrix_from_rpy((0.0, 0.0, turn)), (0.0, 0.0, length)))
+    way = walk(MODEL, frames, HOME, c.LinearMove(pose_from_transform(end), 0.2, 1.0, 0.0))
+    for _ in way.looks():
+        pass
+    assert way.early_end is None and way.shares[-1] == 1.0
+    longest = max(after - before for before, after in zip(way.shares, way.shares[1:]))
+    assert longest * length <= 0.01 + 1e-9 and longest * turn <= 0.05 + 1e-9
 
 
 def test_the_rounded_corner_of_queued_lines_is_looked_at():
