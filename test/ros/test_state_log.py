@@ -30,6 +30,8 @@ WAIT = 200
 DRIVER = "/jaka_driver"
 CONTROLLER = "/cell_controller"
 AWAY = [0.25, *HOME[1:]]
+_REST_S = 1.5
+"""Time, s, between two motions of a log: beside load the first one ends as much later when it is made again."""
 
 
 @pytest.fixture(scope="module")
@@ -111,14 +113,14 @@ def to_targets(arm):
         positions=[0.4, *HOME[1:]], velocities=[0.0] * 6, time_from_start=rospy.Duration(1))])
     command.publish(message)
     assert eventually(lambda: abs(joints_of(arm)[0] - 0.4) < 1e-3) and eventually(lambda: not arm.simulator.is_moving())
-    rospy.sleep(0.5)
+    rospy.sleep(_REST_S)
     for _ in range(25):
         stamped = JointState(name=names[:1], velocity=[0.2])
         stamped.header.stamp = rospy.Time.now()
         jog.publish(stamped)
         rospy.sleep(0.02)
     assert eventually(lambda: not arm.simulator.is_moving() and not arm.simulator.state()["is_servo_active"])
-    rospy.sleep(0.5)
+    rospy.sleep(_REST_S)
     here = joints_of(arm)
     assert arm.call("servo_move_enable", enable=True).ret == 1
     for step in range(1, 51):
