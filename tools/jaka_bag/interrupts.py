@@ -4,7 +4,7 @@ import signal
 import threading
 from typing import Any, Iterator, List
 
-_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 def raise_at_first_signal() -> None:
@@ -13,24 +13,24 @@ def raise_at_first_signal() -> None:
     A second one would interrupt the cleaning up: half files would stay, or processes that nobody ends. SIGKILL ends a
     process that hangs there. For the main thread alone: another one raises ValueError.
     """
-    for number in _NUMBERS:
+    for number in NUMBERS:
         signal.signal(number, _raise_once)
 
 
 def _raise_once(number: int, frame: Any) -> None:
-    for each in _NUMBERS:
-        signal.signal(each, _pass)  # not SIG_IGN, which a process begun from here on would inherit
+    for each in NUMBERS:
+        signal.signal(each, ignored)  # not SIG_IGN, which a process begun from here on would inherit
     raise KeyboardInterrupt
 
 
-def _pass(number: int, frame: Any) -> None:
-    pass
+def ignored(number: int, frame: Any) -> None:
+    """Do nothing: the handler of a signal that is to have no effect here, and its usual one in processes begun here."""
 
 
 @contextlib.contextmanager
 def held_back() -> Iterator[None]:
-    """Hold Ctrl-C back for a while, here and in processes that begin meanwhile."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Hold Ctrl-C and SIGTERM back for a while, here and in processes that begin meanwhile."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
     try:
         yield
     finally:
@@ -43,7 +43,7 @@ def put_off() -> Iterator[None]:
     came: List[int] = []
     before = {}
     if threading.current_thread() is threading.main_thread():  # Python calls handlers there alone
-        before = {number: signal.signal(number, lambda number, frame: came.append(number)) for number in _NUMBERS
+        before = {number: signal.signal(number, lambda number, frame: came.append(number)) for number in NUMBERS
                   if callable(signal.getsignal(number))}
     try:
         yield

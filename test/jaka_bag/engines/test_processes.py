@@ -83,3 +83,21 @@ def test_processes_end_with_their_parent(method, number, tmp_path):
     workers = [Path("/proc") / path.read_text() / "cmdline" for path in began]
     wait_until(lambda: not any(worker.exists() for worker in workers), "they have ended", 30)
     assert not (tmp_path / "began log_4").exists()
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_process_is_ended_though_a_signal_comes_as_it_is_started(method, number, tmp_path):
+    script = tmp_path / "waits.py"
+    script.write_text(WAITS.replace('if __name__ == "__main__":', """
+if __name__ == "__main__":
+    import os
+    from multiprocessing.process import BaseProcess
+    start = BaseProcess.start
+
+    def started(process):
+        start(process)
+        os.kill(os.getpid(), %d)
+    BaseProcess.start = started""" % number))
+    done = subprocess.run([sys.executable, str(script), method, str(tmp_path)], timeout=60, stderr=subprocess.PIPE)
+    assert done.returncode == 130 and b"Traceback" not in done.stderr

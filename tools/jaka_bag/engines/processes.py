@@ -7,6 +7,7 @@ them is larger than a pipe (https://github.com/python/cpython/issues/94777).
 import contextlib
 import multiprocessing
 import multiprocessing.connection
+import multiprocessing.resource_tracker
 import os
 import signal
 import threading
@@ -15,18 +16,12 @@ from multiprocessing.connection import Connection
 from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from ..allocator import keep_freed_memory
-from ..interrupts import held_back, put_off
+from ..interrupts import NUMBERS, held_back, ignored, put_off
 from ..output_file import abort_all
 from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
 
 _TRIES = 2
 """Number of processes that a task may lose; then it has failed."""
-
-_NUMBERS = (signal.SIGINT, signal.SIGTERM)
-
-
-def _pass(number: int, frame: Any) -> None:
-    pass
 
 
 class _Worker:
@@ -37,13 +32,13 @@ class _Worker:
     @classmethod
     def serve(cls, connection: Connection, function: BoundFunction) -> None:
         """Do tasks until None comes in place of one."""
-        signal.signal(signal.SIGINT, _pass)  # not SIG_IGN, which programs that a task starts would inherit
+        signal.signal(signal.SIGINT, ignored)  # not SIG_IGN, which programs that a task starts would inherit
         signal.signal(signal.SIGTERM, cls._on_end)
         keep_freed_memory()
         # A signal that another thread receives does not end a wait of this one.
-        signal.pthread_sigmask(signal.SIG_BLOCK, _NUMBERS)
+        signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
         threading.Thread(target=cls._end_with_parent, daemon=True).start()
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _NUMBERS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
         while True:
             task = connection.recv()
             if task is None:
@@ -60,7 +55,7 @@ class _Worker:
     @classmethod
     def _on_end(cls, number: int, frame: Any) -> None:
         cls.is_ending = True
-        signal.signal(signal.SIGTERM, _pass)
+        signal.signal(signal.SIGTERM, ignored)
         if cls.is_at_work:
             raise KeyboardInterrupt  # the half output is removed on the way
         os._exit(1)
@@ -131,6 +126,7 @@ class Processes(Engine):
     def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
         waiting = iter(tasks)
         again: Deque[_Given] = deque()
+        workers: List[_Process] = []
         idle: List[_Process] = []
         busy: Dict[Any, Tuple[_Process, _Given]] = {}
         try:
@@ -139,7 +135,7 @@ class Processes(Engine):
                     given = again.popleft() if again else _Given.first(next(waiting, None))
                     if given is None:
                         break
-                    worker = idle.pop() if idle else self._started(function)
+                    worker = idle.pop() if idle else self._started(function, workers)
                     busy[worker.connection] = worker, given
                     worker.give(given.task)
                 if not busy:
@@ -157,18 +153,26 @@ class Processes(Engine):
                         on_result(failure(given.task, "%s: its process was killed" % given.task.path))
             for worker in idle:
                 worker.give(None)
+        except BaseException:
+            with put_off():
+                for worker in workers:
+                    worker.process.terminate()
+            raise
         finally:
             with put_off():
-                for worker, _ in busy.values():
-                    worker.process.terminate()
-                for worker in [*idle, *(worker for worker, _ in busy.values())]:
+                for worker in workers:
                     worker.connection.close()
                     worker.process.join()
 
-    def _started(self, function: BoundFunction) -> _Process:
+    def _started(self, function: BoundFunction, workers: List[_Process]) -> _Process:
+        """Start a worker and add it to these, in one piece: nobody would end one that a signal kept out of them."""
         ours, theirs = self._context.Pipe()
         process = self._context.Process(target=_Worker.serve, args=(theirs, function))
-        with held_back():  # a worker takes Ctrl-C from the begin as its parent wants it
+        worker = _Process(process, ours)
+        if self._context.get_start_method() != "fork":
+            multiprocessing.resource_tracker.ensure_running()  # begun below, it would let signals through
+        with held_back():  # also from the worker, until it takes them as its parent wants it
             process.start()
+            workers.append(worker)
         theirs.close()  # so that the connection ends with the worker
-        return _Process(process, ours)
+        return worker
