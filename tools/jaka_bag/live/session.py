@@ -120,6 +120,8 @@ class RecordingSession:
             self.stop.set()
             if self._watcher.ident is not None:
                 self._watcher.join()
+            with contextlib.suppress(ConnectionLost, ProtocolError):
+                self._look_for_publishers(transport)  # one may have been connected while what was under way arrived
             transport.close()
             self._recorder.finish()
 
@@ -179,8 +181,6 @@ class RecordingSession:
                 absent_notice_at = float("inf")
                 self._notice_absent()
             if self.stop.wait(_WATCH_PERIOD_S):
-                with contextlib.suppress(ConnectionLost, ProtocolError):
-                    self._look_for_publishers(self._transport)
                 return
 
     def _look_for_publishers(self, transport: Subscriber) -> None:
