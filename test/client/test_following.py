@@ -1,4 +1,5 @@
 """Trajectories through the client: their begin, how they are joined and cancelled, and what stands against them."""
+import logging
 import math
 import time
 from concurrent.futures import Future
@@ -7,11 +8,15 @@ import pytest
 from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.trajectory import StartChanged
+from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.followed_path import followed_path
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.trajectory.build import PathStart
+from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
@@ -71,6 +76,16 @@ def test_of_one_that_started_in_the_past_the_rest_is_followed(arm):
     assert joint(arm) == pytest.approx(0.2, abs=1e-3)
     with pytest.raises(InvalidTrajectory):
         arm.follow(JointTrajectory(points, time.monotonic() - 10.0), LOOSE)
+
+
+@pytest.mark.parametrize("rests, elapsed, is_told", [(True, 0.4, True), (True, 0.0, False), (False, 0.4, False)])
+def test_only_a_trajectory_that_begins_late_for_an_arm_at_rest_is_logged_to_be_late(caplog, rests, elapsed, is_told):
+    caplog.set_level(logging.INFO)
+    model = load_model("zu7")
+    start = TrajectoryStart(PathStart(JointState(HOME, REST, REST), rests))
+    points = (TrajectoryPoint(0.0, HOME, REST), *to(0.2, 1.6).points)
+    followed_path(start, JointTrajectory(points), elapsed, model, ArmCore(ClientSettings("127.0.0.1"), model), 0)
+    assert ("begins %.3f s late" % elapsed in caplog.text) is ("late" in caplog.text) is is_told
 
 
 def test_the_next_one_takes_over_where_the_arm_then_is(arm):

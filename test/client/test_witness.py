@@ -159,7 +159,7 @@ def test_an_answer_to_a_question_about_an_earlier_feed_says_nothing_of_the_new_o
     assert not one.witness.is_trusted
 
 
-@pytest.mark.parametrize("frames, is_found_old", [(5, False), (30, True)])
+@pytest.mark.parametrize("frames, is_found_old", [(12, False), (20, True)])
 def test_a_feed_that_stays_disputed_is_too_old_anew_after_two_seconds(one, frames, is_found_old):
     one.witness.distrust("a reason", one.now)
     for _ in range(frames):

@@ -1,7 +1,7 @@
 """Procedures step by step: what each step waits for, and what resumes it."""
 import pytest
 
-from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Running, SendAhead
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Running, SendAhead, in_slices
 from jaka_ros_driver.commands import Query, SetPower
 from jaka_ros_driver.errors import ConnectionLost
 
@@ -50,3 +50,17 @@ def test_what_is_told_or_asked_and_fails_ends_the_procedure(fails):
     channel.waiting[fails](None, error, 5.1)
     channel.waiting[1 - fails]("late", None, 5.2)
     assert ends == [(None, error, 5.1)]
+
+
+def test_a_long_look_rests_between_its_slices_for_no_longer_than_a_cycle():
+    def looks():
+        for _ in range(3):
+            yield 10000
+        return "clear"
+
+    checks = []
+    _, ends, running = begun(in_slices(looks(), lambda: checks.append(5.0)))
+    for number in range(1, 4):
+        assert not ends and len(checks) == number - 1
+        running.tick(5.0 + 0.008 * number)
+    assert ends == [("clear", None, 5.024)] and len(checks) == 3

@@ -151,6 +151,14 @@ def test_late_cycles_are_left_out_and_never_caught_up():
     assert story.now < story.core.next_deadline() <= story.now + PERIOD
 
 
+def test_a_frame_that_is_sent_when_the_next_one_falls_due_is_sent_alone():
+    story = streaming()
+    story.now = story.core.next_deadline() + PERIOD
+    story.core.tick(story.now)
+    story.perform()
+    assert len(frames(story)) == 1
+
+
 @pytest.mark.parametrize("held_up, goes_on", [(0.4, True), (0.6, False)])
 def test_a_driver_that_stood_still_for_longer_than_state_is_believed_sends_no_frame_but_a_stop(held_up, goes_on):
     story = streaming().run(0.1)
@@ -262,3 +270,18 @@ def test_no_target_is_taken_while_servo_mode_is_entered_or_left(wanted, words):
     story.perform()
     with pytest.raises(InvalidCommand, match="refused: servo mode is " + words):
         story.core.set_servo_target(ServoJoint((HOME[0] + 1e-4,) + HOME[1:]), story.now)
+
+
+def test_servo_mode_that_ends_in_a_stop_is_not_said_to_have_ended_because_its_client_left():
+    story = streaming()
+    story.replies["servo_move"] = None
+    story.core.servo_mode("leave", False, story.now)
+    story.run(0.05)
+    story.replies["stop_program"] = None
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.servo_mode = False
+    story.reply("servo_move")  # the one to its client's request
+    story.reply("stop_program")
+    story.run(0.3)
+    assert story.cause("leave") is StopCause.STOPPED and not any("client left" in text for text in story.log)

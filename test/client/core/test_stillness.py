@@ -141,6 +141,11 @@ def test_a_jump_is_no_creep():
     assert seen(seen(Stillness(), 100.0, 100.4), 100.408, 100.488, (0.001,) * 6).duration() == pytest.approx(0.08)
 
 
+def test_an_arm_that_twitches_once_in_a_second_of_rest_does_not_creep():
+    twitched = (1.5 * MOVEMENT,) * 6
+    assert seen(seen(Stillness(), 100.0, 101.0), 101.008, 101.088, twitched).duration() == pytest.approx(0.08)
+
+
 @pytest.mark.parametrize("speed, is_linear, joint_speed", [
     (0.0005, False, 0.0005), (0.0002, False, 0.0002), (0.00045, True, 0.0003)])
 def test_a_slow_motion_is_waited_for_as_long_as_two_movements_take(speed, is_linear, joint_speed):

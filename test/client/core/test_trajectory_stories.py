@@ -305,15 +305,24 @@ def test_a_path_tolerance_of_the_goal_holds_for_its_joint():
     assert isinstance(story.error("goal"), PathToleranceViolated) and "joint 2" in str(story.error("goal"))
 
 
+@pytest.mark.parametrize("lag, is_violated", [(25, False), (29, True)])
+def test_a_path_tolerance_of_the_goal_grants_a_lag_of_a_fifth_of_a_second(lag, is_violated):
+    story = Following()
+    story.queued = lag - 1  # cycles behind what was sent
+    story.follow("goal", (to(2.0, 0.5),), TrajectoryTolerances((1e-4,) * 6, (0.01,) * 6, 1.0))
+    story.run(1.5)
+    assert isinstance(story.error("goal"), PathToleranceViolated) is is_violated
+
+
 def test_an_arm_that_rests_beside_its_goal_violates_the_goal_tolerance():
     story = Following()
     story.follow("goal", (to(1.0, 0.3),), TrajectoryTolerances((None,) * 6, (0.01,) * 6, 0.5))
     story.run(0.9)
     story.is_held = True
     story.joints[0] -= 0.015
-    story.run(0.3)
-    assert story.error("goal") == "pending"
-    story.run(1.0)
+    story.run(0.6)
+    assert story.error("goal") == "pending", "the goal grants half a second"
+    story.run(0.5)
     assert isinstance(story.error("goal"), GoalToleranceViolated) and "joint 1 is 0.0" in str(story.error("goal"))
 
 

@@ -96,6 +96,8 @@ def test_a_jog_that_is_released_stands_where_its_last_frame_led_and_servo_mode_i
     arm.until(lambda: not is_servo_active(arm))
     last = arm.frames[-1][1]
     assert arm.joints == pytest.approx(last, abs=1e-9), "frames that led on were dropped"
+    led_at = max(at for (at, place), (_, before) in zip(arm.frames[1:], arm.frames) if place != before)
+    assert arm.times_of("servo_move")[-1] - led_at <= (ahead + 3) * CYCLE + 1e-6, "a cycle to take it, one for it"
     assert arm.hardest() <= 1.03 * JOINT_ACCELERATION_CEILING
     arm.until(lambda: arm.core.is_free)
     assert arm.joints == pytest.approx(last, abs=1e-9)

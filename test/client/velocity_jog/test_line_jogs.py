@@ -233,6 +233,14 @@ def test_the_first_step_from_rest_is_one_of_the_acceleration_of_a_cycle():
     assert 0.0 < way <= 1.01 * TCP_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_turns_at_its_highest_speed_either_way(sign):
+    follower = LineFollower(HOME, IDENTITY, ZU7, (2.0,) * 6, 200)
+    for _ in range(100):
+        follower.step((0.0, 0.0, 0.0, 0.0, 0.0, 3.0 * sign), JogFrame.TOOL)
+    assert 1.9 < sign * follower.now.joint_velocity[5] <= 2.0
+
+
 @pytest.mark.parametrize("frame", [JogFrame.BASE, JogFrame.TOOL])
 @pytest.mark.parametrize("twist", [
     (0.1, -0.2, 0.3, 0.7, 0.4, -0.5), (0.0, 0.2, 0.0, 0.0, 0.0, 0.9), (0.3, 0.1, -0.2, 2e-5, -3e-5, 1e-5),
