@@ -179,8 +179,9 @@ def test_another_tool_is_led_only_after_the_first_has_come_to_rest():
     assert forward(ZU7, ramp.position)[10] - tool[10] > 0.02
 
 
-def test_an_arm_that_begins_at_a_singularity_moves_where_its_joints_can():
-    start = (0.0, 1.6, -1.6, 1.6, 0.0, 0.0)
+@pytest.mark.parametrize("wrist", [0.0, 1.5e-4])
+def test_an_arm_that_begins_at_a_singularity_or_just_beside_it_moves_where_its_joints_can(wrist):
+    start = (0.0, 1.6, -1.6, 1.6, wrist, 0.0)
     ramp = JogRamp(start, ZU7, SPEEDS)
     for _ in range(60):
         ramp.step(Wish(JogFrame.BASE, (0.0, 0.0, -0.1, 0.0, 0.0, 0.0)))
