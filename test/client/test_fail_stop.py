@@ -27,7 +27,7 @@ def raising(error):
 
 @pytest.mark.parametrize("defect", [KeyError("planted"), CommandRejected("get_version", 2, "escaped")],
                          ids=["a bug", "an error that escapes an event"])
-def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, evidence, monkeypatch, defect):
+def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, evidence, monkeypatch, caplog, defect):
     one = bench()
     arm = one.connect(link_loss_stop=0.0)
     move = InBackground(arm.move, FAR)
@@ -39,6 +39,7 @@ def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, eviden
     text = evidence()[0].read_text()
     assert "planted" in text or "escaped" in text
     assert "a motion is under way" in text and "joint_position" in text
+    assert eventually(lambda: "its state is in %s" % evidence()[0] in caplog.text)
     with pytest.raises(ConnectionLost):
         arm.move(FAR)
     assert one.requests("stop_program") >= 1

@@ -163,6 +163,11 @@ def test_a_pause_of_more_than_three_periods_of_a_slow_feed_puts_what_follows_in_
         assert fed(*steady, (0.9 + pause, [10]))[-1] == (10, is_new)
 
 
+def test_frames_that_come_in_two_pieces_one_right_behind_the_other_are_no_faster_feed():
+    pairs = [piece for n in range(1, 12) for piece in ((0.2 * n, [2 * n]), (0.2 * n + 0.001, [2 * n + 1]))]
+    assert all(is_new for _, is_new in fed(*pairs, period=0.1)[6:])
+
+
 def test_frames_that_miss_in_short_pauses_are_missed_after_a_long_one():
     steady = [(0.008 * n, [n]) for n in range(1, 10)]
     told = fed(*steady, (0.112, [10]), (0.152, [11]), (0.452, list(range(12, 49))))
@@ -170,8 +175,8 @@ def test_frames_that_miss_in_short_pauses_are_missed_after_a_long_one():
 
 
 def test_a_controller_that_is_slower_by_nature_owes_nothing():
-    # It confirms 8 ms and sends every 14 ms; one that has once kept to its 8 ms owes what does not come.
-    for rhythms, owes in (([0.014], False), ([0.008, 0.014], True)):
+    # It confirms 8 ms and sends every 14 ms; one that sends every 10 ms, or has kept to 8 ms, owes what does not come.
+    for rhythms, owes in (([0.014], False), ([0.010], True), ([0.008, 0.014], True)):
         feed, now = Feed(0.008), 0.0
         feed.open(now)
         feed.confirmed(0.008)
@@ -180,6 +185,18 @@ def test_a_controller_that_is_slower_by_nature_owes_nothing():
                 now += period
                 feed.received(frame_of(n), now)
         assert (feed.owed > 0.45) is owes
+
+
+def test_a_rhythm_that_a_witness_has_confirmed_is_the_period_from_then_on_as_far_as_clocks_differ():
+    feed, now = Feed(0.08), 0.0
+    feed.open(now)
+    feed.confirmed(0.08)
+    for period, count in ((0.1, 101), (0.101, 400)):
+        for n in range(count):
+            now += period
+            feed.received(frame_of(n), now)
+        feed.refute_debt()
+        assert feed.owed == 0.0
 
 
 def test_the_first_hundred_frames_tell_no_rhythm():

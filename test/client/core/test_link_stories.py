@@ -223,6 +223,7 @@ def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
     while not any("giving way" in text for text in story.log):
         rival.run(0.008)
         assert story.now < 110.0
+    given_way_at = story.now
     assert "another client" in story.core.links.last_error and "another client" in story.core.links.health().last_error
     story.core.move("move", MOVE, True, story.now)
     story.core.run("ask", story.core.ask(c.ClearError()), story.now)
@@ -232,6 +233,7 @@ def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
     rival.seen = 0
     rival.run(60.0)
     tried = opens(story, Port.COMMAND)
+    assert tried[0] - given_way_at == pytest.approx(1.0, abs=0.05)
     pauses = [b - a - after for a, b in zip(tried, tried[1:])]
     assert pauses == pytest.approx(([2.0, 4.0, 8.0] + [10.0] * 9)[:len(pauses)], abs=0.05) and len(pauses) >= 5
     assert sum("giving way" in text for text in story.log) == 1

@@ -88,6 +88,12 @@ def test_a_closed_path_is_not_completed_where_it_begins():
     assert "did not move" in str(story.error("path")) and story.count("stop_program") >= 1
 
 
+def test_joints_that_come_back_to_where_a_path_began_have_moved_all_the_same():
+    story = on_square(4).run(1.2, move=HOME[0], inpos=False)
+    assert story.joints[0] == HOME[0] and story.error("path") == "pending"
+    assert story.run(0.5).error("path") is None and story.count("stop_program") == 0
+
+
 def test_a_path_that_has_not_begun_1_s_after_its_first_acceptance_is_stopped_however_slow_the_feed():
     story = on_square()
     story.feed = False

@@ -88,6 +88,19 @@ def test_the_refusal_of_a_part_that_has_nothing_to_end_is_no_failure(refused):
     assert story.run(0.1).error("again") is None
 
 
+def test_a_second_stop_that_is_refused_when_the_first_was_accepted_is_not_sent_again():
+    story = under_way()
+    story.replies["stop_program"] = None
+    story.core.stop("first", story.now)
+    story.core.stop("second", story.now)
+    story.perform()
+    story.reply("stop_program")
+    story.reply("stop_program", "2")
+    story.run(0.2, move=1.0)
+    assert story.error("first") is None and isinstance(story.error("second"), CommandRejected)
+    assert story.count("stop_program") == 2
+
+
 # ---- from whom ----
 
 def owed(story):

@@ -403,6 +403,18 @@ def test_a_frame_guard_brakes_on_a_line_with_the_joints_acceleration_to_where_it
     assert sent[-1] == pytest.approx(ways[-2][2][0], abs=1e-9), "the stand of the last frame that was admitted"
 
 
+def test_a_frame_guard_brakes_in_no_more_cycles_than_the_acceleration_needs():
+    largest_change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
+    for cycles in range(1, 31):
+        guard = FrameGuard(lambda way: "a wall" if way[0][0] else "", (0.0,) * 6)
+        for frame in (1, 2):
+            guard.admitted((frame * cycles * largest_change,) + (0.0,) * 5)
+        for _ in range(cycles - 1):
+            assert not guard.is_standing
+            guard.braked()
+        assert guard.is_standing
+
+
 def in_servo(arm, active=True):
     return arm.ended(arm.begin("servo_mode", active))
 

@@ -272,8 +272,19 @@ def test_it_is_one_act_that_whatever_disturbs_it_ends(disturb, reason):
     disturb(arm)
     assert isinstance(arm.ended(waiting), (RecoveryInterrupted, MotionInterrupted, ConnectionLost)), waiting.error
     assert any(word in str(waiting.error) for word in reason.split("|")), waiting.error
+    assert "()" not in str(waiting.error)
     arm.run(1.0)
     assert arm.times_of("enable_robot") == [] and len(arm.times_of("power_on")) == 1
+
+
+def test_what_ends_it_is_named_with_the_event_that_stands_meanwhile():
+    arm = simulated()
+    shown(errcode="0xF0001", errmsg="a fault")(arm)
+    recover = Recovering(arm)
+    waiting = recover.begin()
+    arm.until(lambda: recover.steps)
+    arm.begin("stop")
+    assert str(arm.ended(waiting)).endswith("at the step \"clear error\": a stop (event 0xF0001 a fault)")
 
 
 @pytest.mark.parametrize("slow, fault, step", [

@@ -156,6 +156,18 @@ def test_an_analog_output_is_seen_set():
     assert told == "analog output 0 of cabinet is 4.5"
 
 
+@pytest.mark.parametrize("beside, is_taken", [(0.005, True), (-0.005, True), (0.05, False), (-0.8, False)])
+def test_an_analog_output_may_read_a_hundredth_beside_its_value(beside, is_taken):
+    arm = simulated()
+    arm.show(aout=[4.5 + beside] + [0.0] * 7)
+    command = c.SetAnalogOutput(IoBank.CABINET, 0, 4.5)
+    if is_taken:
+        assert settings.set_analog_output(arm, command) == "analog output 0 of cabinet is 4.5"
+    else:
+        with pytest.raises(settings.ReadBackMismatch, match="the output is %g" % (4.5 + beside)):
+            settings.set_analog_output(arm, command)
+
+
 def test_hand_guiding_is_seen_on_and_off():
     arm = simulated()
     assert settings.set_hand_guiding(arm, True) == "hand guiding on"
@@ -178,6 +190,20 @@ def test_the_force_sensor_is_seen_to_read_zero():
     assert arm.state.wrench == (10.0, 0.0, 0.0, 0.0, 0.0, -1.0)
     assert settings.zero_force_sensor(arm) == "the force sensor reads zero"
     assert arm.state.wrench == (0.0,) * 6
+
+
+@pytest.mark.parametrize("reading, is_zero", [
+    ([0.5, -0.5, 0.5, 0.05, -0.05, 0.05], True), ([0.0, 0.0, 3.0, 0.0, 0.0, 0.0], False),
+    ([0.0, 0.0, 0.0, 0.0, 0.0, 0.3], False)])
+def test_the_noise_of_a_sensor_at_rest_reads_zero_and_what_is_more_does_not(reading, is_zero):
+    arm = simulated(has_force_sensor=True)
+    arm.show(torqsensor=[[], [0, 0, reading, [1.0] * 6, [1.0] * 6]])
+    arm.run(0.1)
+    if is_zero:
+        assert settings.zero_force_sensor(arm) == "the force sensor reads zero"
+    else:
+        with pytest.raises(settings.ReadBackMismatch, match="accepted it but the sensor reads"):
+            settings.zero_force_sensor(arm)
 
 
 def test_a_sensor_that_goes_on_reading_a_load_is_told():
