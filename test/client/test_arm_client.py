@@ -1,4 +1,5 @@
 """Calls of the client on real sockets: when they return, a stop beside them, and the shutdown."""
+import socket
 import time
 
 import pytest
@@ -6,7 +7,11 @@ from arm_bench import LOOSE
 from waiting import eventually
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client import arm_client
+from jaka_ros_driver.client.core.procedures.steps import pause
+from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import HOME
 
 
@@ -71,3 +76,22 @@ def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench, 
     # The error depends on how far the call had come.
     assert isinstance(move.failure(), (MotionInterrupted, InvalidCommand, ConnectionLost)) and arm.motion_owner is None
     assert len(one.times_of("joint_move")) == 1
+
+
+def test_a_call_is_served_when_it_is_due_however_long_the_thread_was_to_wait(monkeypatch):
+    # Nothing else wakes the thread: the controller is connected and silent, and no reply is due for long.
+    monkeypatch.setattr(arm_client, "_LONGEST_WAIT_S", 300.0)
+
+    def wait(core):
+        yield pause(0.01)
+        return "done"
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        port = mute.getsockname()[1]
+        arm = arm_client.ArmClient(ClientSettings("127.0.0.1", port, port, reply_timeout=300.0, silence_timeout=300.0),
+                                   load_model("zu7"))
+        arm.start()
+        try:
+            assert eventually(lambda: arm.link_health.status_is_up and arm.link_health.connections)
+            assert [arm.begin(wait).result(20.0) for _ in range(3)] == ["done"] * 3
+        finally:
+            arm.close()

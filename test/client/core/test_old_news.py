@@ -302,6 +302,20 @@ def test_a_feed_that_repeats_itself_while_the_arm_moves_is_not_believed_on_a_new
     assert story.shown[-1].is_new
 
 
+def test_an_earlier_jump_is_no_reason_to_believe_an_old_feed_when_the_controller_is_gone():
+    story = Story()
+    story.joints = [q + 1.5 for q in story.joints]
+    assert story.run(0.5).shown[-1].is_new
+    story.extra["get_joint_pos"] = {"joint_pos": [math.degrees(q) + 20.0 for q in story.joints]}
+    story.run(0.6)
+    assert Port.STATUS in [action.port for _, action in story.asked_to_connect if isinstance(action, Close)]
+    story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+    story.core.opened(Port.STATUS, story.now)
+    del story.shown[:]
+    story.run(3.0)
+    assert story.shown and not [show for show in story.shown if show.is_new]
+
+
 def test_an_arm_that_has_just_begun_is_not_shown_at_rest_by_a_feed_that_is_behind():
     # The controller reports a refusal, and moves all the same; the feed shows the arm as it was 0.2 s ago.
     story = Story().run(0.5)

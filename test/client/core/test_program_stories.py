@@ -220,11 +220,13 @@ def test_a_stop_is_seen_when_no_program_runs_and_the_arm_rests():
     assert ask(with_program(RUNNING), "seen", programs.see_stopped).run(2.1).cause("seen") is StopCause.TIMEOUT
 
 
+POST = workspace_of({"cylinders": [{"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}]})
+
+
 @pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])
 def test_a_program_that_nears_a_zone_is_stopped_before_it(speed):
-    post = workspace_of({"cylinders": [{"name": "post", "foot": [0.2, 0.35, 0.0], "height": 1.0, "radius": 0.05}]})
-    guard = MotionGuard(load_model("zu7"), post)
-    story = play(with_program(workspace=post)).run(0.1)
+    guard = MotionGuard(load_model("zu7"), POST)
+    story = play(with_program(workspace=POST)).run(0.1)
     story.fields["interp_state"] = RUNNING
     story.run(0.1)
     while not story.count("stop_program"):
@@ -234,3 +236,15 @@ def test_a_program_that_nears_a_zone_is_stopped_before_it(speed):
     assert guard.nearest(tuple(story.joints)).distance > DEFAULT_MARGIN
     assert 0.0 < guard.nearest(tuple(ahead)).distance < 2.0 * DEFAULT_MARGIN, "in time, and not sooner than needed"
     assert story.cause("end") is StopCause.MOTION_GUARD and "from the cylinder 'post'" in str(story.error("end"))
+
+
+def test_a_program_that_nears_a_zone_as_it_begins_is_not_reported_as_running():
+    guard = MotionGuard(load_model("zu7"), POST)
+    story = with_program(workspace=POST)
+    while guard.nearest(tuple(story.joints)).distance > 2.0 * DEFAULT_MARGIN:
+        story.run(0.008, move=1.9)
+    play(story.run(0.3)).run(0.1)
+    assert story.error("play") == "pending" and story.count("play_program") == 1
+    story.fields["interp_state"] = RUNNING
+    story.run(0.008, move=1.9, speed=1.5)
+    assert story.count("stop_program") == 1 and story.cause("play") is StopCause.MOTION_GUARD
