@@ -22,8 +22,6 @@ _GIMBAL_COSINE = 1e-12
 
 def wrap_angle(angle: float) -> float:
     """Return the same direction in (-pi, pi], rad."""
-    if -math.pi < angle <= math.pi:
-        return angle
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
 

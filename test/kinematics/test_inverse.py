@@ -291,6 +291,13 @@ def test_the_a12_finds_every_original_where_roots_lie_close_too():
         assert min((dh_oracle.distance(joints, branch) for branch in branches), default=math.inf) < 1e-7, number
 
 
+def test_the_a12_finds_every_branch_where_joint_1_ceases_to_reach_just_before_half_a_turn_of_joint_6():
+    for q6 in np.linspace(1.0, 1.02, 6):
+        joints = (-3.06, 2.12, -1.51, -1.67, 3.11, float(q6))
+        branches = inverse.inverse_all(A12, forward(A12, joints))
+        assert len(branches) == 8 and min(dh_oracle.distance(joints, branch) for branch in branches) < 1e-7
+
+
 @pytest.mark.parametrize("nominal, ways", [(ZU7, (0.02, 0.11, -0.03, 0.1, 0.09, 0.08)),
                                            (MINICOBO, (0.1, 0.04, 0.03, 0.2, 0.0, 0.07))], ids=["zu7", "minicobo"])
 def test_offsets_of_the_shoulder_add_up_wherever_along_it_they_are(nominal, ways):

@@ -149,3 +149,14 @@ def test_a_point_after_a_pause_is_reached_when_it_is_due_and_not_as_one_that_is_
         frames.append(follower.step(1.0)[0] - HOME[0])
     assert frames[249] == pytest.approx(0.05) and frames[-1] == pytest.approx(0.45)
     assert frames[313] == pytest.approx(0.25, abs=0.05), "half of the way in half of the time"
+
+
+def test_a_point_after_the_time_of_the_last_one_begins_anew_and_the_arm_does_not_hurry():
+    follower, frames = PointFollower(HOME, MODEL, 0.0), []
+    follower.add(joints(0.0), 0.03, 0.0)
+    for cycle in range(100):
+        if cycle == 32:
+            follower.add(joints(0.05), 0.29, 32 * PERIOD)
+        follower.now = cycle * PERIOD
+        frames.append(follower.step(1.0)[0] - HOME[0])
+    assert frames[-1] == pytest.approx(0.05) and np.diff(frames).max() / PERIOD < 0.4

@@ -46,6 +46,7 @@ def test_a_small_overshoot_is_slowed_on_the_same_way(factor, spacing):
     assert max(shares(frames)) <= 1.021
     assert points[-1].time < duration <= points[-1].time * factor
     assert duration == pytest.approx(points[-1].time + path.rates.delay(), abs=0.03)
+    assert min(part.rate for part in path.rates.stretches) > 0.97 * factor ** -0.5, "no more than needed"
     exact = path.samples(np.arange(0.0, path.end, 0.0005))[0]
     for frame in frames[::7]:  # the way is that of the plan: only its clock is slower
         assert np.abs(exact - frame).max(axis=1).min() < 2e-3

@@ -75,3 +75,13 @@ def test_the_rate_of_a_segment_is_its_programmed_speed_whatever_its_length():
         segment = SegmentPath([LinearMove(target, 0.2, 1.0, 0.0)], [PathPlace(joints(0.0), TOOL),
                                                               PathPlace(joints(0.1), target)]).segments[0]
         assert segment.rate == pytest.approx(0.2)
+
+
+def test_an_arm_that_leaves_its_line_at_a_slant_makes_no_progress_on_it():
+    end = Pose((0.6, 0.1, 0.3), TOOL.rpy)
+    tracker = PathTracker(SegmentPath([LinearMove(end, 0.1, 1.0, 0.0)], [
+        PathPlace(joints(0.0), TOOL), PathPlace(joints(0.1), end)]), 10.0)
+    for way, aside in ((0.01, 0.002), (0.02, 0.01)):
+        tracker.observe(RobotState(joints(0.0), True, True, False, False, False, received_at=10.0 + way / 0.1,
+                                   tcp_position=(0.4 + way, 0.1 + aside, 0.3), tcp_rpy=TOOL.rpy))
+        assert tracker.time == pytest.approx(0.1, abs=0.01)

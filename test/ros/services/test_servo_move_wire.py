@@ -15,9 +15,10 @@ import rosgraph.network
 import rospy
 from driver_bench import HOME, evidence_of
 from import_graph import ROOT
+from std_srvs.srv import Trigger
 from waiting import eventually
 
-from jaka_msgs.srv import ClearErr, ClearError, ServoMove, ServoMoveRequest, ServoMoveResponse
+from jaka_msgs.srv import ClearErr, ClearError, Move, ServoMove, ServoMoveEnable, ServoMoveRequest, ServoMoveResponse
 from jaka_ros_driver.ros.services.wire_definitions import (
     ServoMoveAnyRequest,
     ServoMovePoseRequest,
@@ -79,6 +80,11 @@ def test_the_md5s_are_those_of_the_definitions():
     assert md5_of(POSE) == (POSE_MD5, ServoMovePoseRequest._md5sum)
     assert list(other_definitions(ServoMove)) == [POSE_MD5, "*"]
     assert [*other_definitions(ClearErr)] == [ClearError._md5sum]
+
+
+@pytest.mark.parametrize("srv_type", [Move, ServoMoveEnable, Trigger])
+def test_a_service_of_any_other_type_takes_the_installed_definition_alone(srv_type):
+    assert other_definitions(srv_type) == {}
 
 
 @pytest.mark.parametrize("pose, speed", [([], []), ([1.5] * 6, []), ([0.25] * 6, [1.0, 2.0])])

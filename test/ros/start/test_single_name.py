@@ -17,6 +17,7 @@ from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import single_name
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
+from jaka_ros_driver.ros.short_calls import NobodyThere
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 
 NODE = """
@@ -202,6 +203,16 @@ def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, 
             refuse_second_node("/first")
     else:
         refuse_second_node("/first")
+
+
+def test_where_nobody_listens_any_more_at_its_address_a_node_has_ended(monkeypatch):
+    def ask(uri, method, *arguments):
+        if method == "lookupNode":
+            return "http://127.0.0.1:9/"
+        raise NobodyThere
+    monkeypatch.setattr(single_name, "ask", ask)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
+    refuse_second_node("/first")
 
 
 def test_a_stopped_node_holds_a_start_up_for_a_few_seconds_at_most(monkeypatch):

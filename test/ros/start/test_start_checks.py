@@ -6,6 +6,7 @@ import socket
 import subprocess
 import threading
 import time
+from types import SimpleNamespace
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -239,3 +240,15 @@ def test_a_port_of_topics_that_nobody_reaches_is_told(at_the_address):
     at_the_address([1, "", os.getpid()]).close()
     with pytest.raises(start_checks.Unreachable, match="nothing answers there"):
         start_checks.refuse_unreachable_node()
+
+
+@pytest.mark.parametrize("pubs, subs, wrong", [
+    ({"/joint_states": 1, "/n/io": 1}, {"/n/jog_joints": 1}, None),
+    ({"/joint_states": 2, "/n/io": 1}, {"/n/jog_joints": 1}, "would use /joint_states for two"),
+    ({"/n/jog_joints": 1, "/n/io": 1}, {"/n/jog_joints": 1, "/n/jog_tool": 2}, "/n/jog_joints, /n/jog_tool for two")])
+def test_exactly_the_topics_that_have_two_uses_are_refused(monkeypatch, pubs, subs, wrong):
+    topics = SimpleNamespace(**{key: {name: SimpleNamespace(ref_count=count) for name, count in uses.items()}
+                                for key, uses in (("pubs", pubs), ("subs", subs))})
+    monkeypatch.setattr(start_checks.registration, "get_topic_manager", lambda: topics)
+    with contextlib.nullcontext() if wrong is None else pytest.raises(WrongParameter, match=wrong):
+        start_checks.refuse_topics_used_twice()

@@ -3,6 +3,7 @@ import dataclasses
 from types import SimpleNamespace
 
 import pytest
+import rospkg
 from diagnostic_updater import DiagnosticStatusWrapper
 
 from jaka_ros_driver.audit.chain import ChainLink
@@ -296,3 +297,10 @@ def test_an_audit_log_that_cannot_be_written_or_that_lost_lines_is_a_warning(ben
 def test_an_audit_log_that_is_switched_off_is_a_warning(bench):
     bench.checks._audit = None
     assert bench.level("audit log") == (WARN, "switched off: nobody records who does what")
+
+
+def test_a_driver_of_which_ros_has_no_package_reports_an_unknown_version(monkeypatch):
+    def no_package(name):
+        raise rospkg.ResourceNotFound(name)
+    monkeypatch.setattr(diagnostics.rospkg, "RosPack", lambda: SimpleNamespace(get_manifest=no_package))
+    assert Bench(monkeypatch).level("versions") == (OK, "driver unknown, controller 1.5")

@@ -39,11 +39,12 @@ def test_a_feed_at_the_full_rate_is_left_alone(jitter):
 
 @pytest.mark.parametrize("hole", [2, 6, 12, 50])
 @pytest.mark.parametrize("is_caught_up", [True, False])
-def test_a_stall_of_a_healthy_feed_is_not_filled(hole, is_caught_up):
+@pytest.mark.parametrize("late", [0.0, 0.0003])
+def test_a_stall_of_a_healthy_feed_is_not_filled(hole, is_caught_up, late):
     before = [n * PERIOD for n in range(500)]
     end = (500 + hole) * PERIOD
     burst = [end + n * 1e-6 for n in range(hole)] if is_caught_up else []
-    after = [end + n * PERIOD for n in range(1, 500)]
+    after = [end + n * PERIOD + (n + 1) % 2 * late for n in range(1, 500)]
     assert play(before + burst + after, after[-1]) == []
 
 
