@@ -1,6 +1,7 @@
 """Connections that merely connect and keep nobody from being served: a node with few descriptors under each flood."""
 import contextlib
 import errno
+import itertools
 import os
 import re
 import resource
@@ -137,13 +138,15 @@ def flood(how, count, stack):
     return socks
 
 
+NUMBERS = itertools.count()
+"""Numbers of subscribers: rospy drops the older one of two with the same name."""
 FLOODS = {
     "silent": lambda node: node.connect(),
     "silent at the other port": lambda node: node.connect(node.xmlrpc_uri),
     "persistent callers": lambda node: node.greet(service="/doorkeeper/stop", persistent="1"),
     "callers without a request": lambda node: node.greet(service="/doorkeeper/stop"),
     "callers of nothing": lambda node: node.greet(service="/doorkeeper/nothing"),
-    "subscribers": lambda node: node.greet(topic="/rosout"),
+    "subscribers": lambda node: node.greet(topic="/rosout", callerid="/listener_%d" % next(NUMBERS)),
     "subscribers of nothing": lambda node: node.greet(topic="/nothing"),
 }
 
@@ -205,6 +208,25 @@ def test_what_is_no_greeting_ends_its_connection(node, greeting):
             while sock.recv(4096):
                 pass
     assert_served()
+
+
+@pytest.mark.parametrize("length, is_served", [(1 << 19, True), (1 << 20, False)])
+def test_a_greeting_longer_than_a_mebibyte_is_not_read(node, length, is_served):
+    greeting = {"callerid": "/" + "x" * length, "md5sum": "*", "service": "/doorkeeper/stop"}
+    with node.connect() as sock:
+        with contextlib.suppress(OSError):  # the node has closed it meanwhile
+            sock.sendall(encode_ros_handshake_header(greeting) + b"\0\0\0\0")
+        assert is_closed(sock) is not is_served
+
+
+def test_a_subscriber_too_many_is_told_that_there_is_no_room(node):
+    # The node has room for an eighth as many subscribers as it has descriptors.
+    with contextlib.ExitStack() as stack:
+        flood(lambda: FLOODS["subscribers"](node), DESCRIPTORS // 8, stack)
+        late = stack.enter_context(node.connect())
+        late.sendall(encode_ros_handshake_header({"callerid": "/tests", "md5sum": "*", "type": "*",
+                                                  "topic": "/rosout"}))
+        assert b"this node has %d subscribers, and room for no more" % (DESCRIPTORS // 8) in late.recv(4096)
 
 
 def test_callers_that_come_while_the_node_is_held_up_are_connected_and_served_then(node):

@@ -1,10 +1,12 @@
 """Log records on their way to the screen and rosout: a failing record never ends the handler of the others."""
 import io
 import logging
+import threading
 
 import pytest
 
 from jaka_ros_driver.background_log import Background
+from jaka_ros_driver.ros.log_bridge import log_to_ros
 
 WAIT = 10.0
 
@@ -94,3 +96,45 @@ def test_a_traceback_with_half_a_character_is_written():
     assert background.drain(WAIT)
     lines = screen.lines()
     assert lines[0] == "failed" and lines[-1] == "ValueError: half ?"
+
+
+# ---- the package's records ----
+
+@pytest.fixture
+def bridge(monkeypatch):
+    """Return a function that begins to pass records on to these handlers of rospy; the test's end takes it back."""
+    package = logging.getLogger("jaka_ros_driver")
+    level, propagate, handlers = package.level, package.propagate, list(package.handlers)
+    monkeypatch.setattr(logging, "lastResort", None)
+
+    def begin(*of_rospy):
+        monkeypatch.setattr(logging.getLogger("rosout"), "handlers", list(of_rospy))
+        return log_to_ros()
+    yield begin
+    package.setLevel(level)
+    package.propagate, package.handlers = propagate, handlers
+
+
+def test_a_record_is_on_the_screen_and_in_the_log_file_once(bridge, monkeypatch):
+    screen, file = Kept(), Kept()
+    monkeypatch.setattr(logging.getLogger(), "handlers", [file])  # rospy's log file is a handler of the root logger
+    drain = bridge(screen)
+    logging.getLogger("jaka_ros_driver.ros.node").warning("the link is lost")
+    assert drain(WAIT) and screen.texts == file.texts == ["the link is lost"]
+
+
+def test_a_drain_is_complete_when_every_handler_has_written(bridge):
+    class Slow(logging.Handler):
+        """A handler that writes only when the test lets it."""
+
+        may_write = threading.Event()
+
+        def emit(self, record):
+            self.may_write.wait(WAIT)
+
+    slow = Slow()
+    drain = bridge(Kept(), slow)
+    logging.getLogger("jaka_ros_driver.ros.node").warning("the link is lost")
+    assert not drain(0.1)
+    slow.may_write.set()
+    assert drain(WAIT)

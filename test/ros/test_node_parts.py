@@ -8,6 +8,7 @@ import pytest
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.trajectories.controller_params import controller_params
@@ -200,18 +201,30 @@ def test_the_urdf_of_a_model_is_printed_or_why_not(capsys, arguments, code, told
     assert told in (printed.err if code else printed.out) and not (printed.out if code else printed.err)
 
 
-@pytest.mark.parametrize("is_text", [True, False])
-def test_a_log_in_a_file_is_complete_while_the_driver_runs(monkeypatch, is_text):
-    # Standard output is a text file, or whatever else a program that embeds this one has put there.
-    stdout = io.TextIOWrapper(io.BytesIO()) if is_text else io.StringIO()
-    monkeypatch.setattr(node.sys, "stdout", stdout)
+@pytest.fixture
+def intervals(monkeypatch):
+    """Let the program come as far as to find another one that runs; return the switch intervals that it sets, s."""
+    found = []
     monkeypatch.setattr(node, "ask_for_short_slices", lambda: None)
-    monkeypatch.setattr(node.sys, "setswitchinterval", lambda seconds: None)
+    monkeypatch.setattr(node.sys, "setswitchinterval", found.append)
     monkeypatch.setattr(node.signal, "signal", lambda *arguments: None)
     monkeypatch.setattr(node, "wait_for_master", lambda name: None)
     monkeypatch.setattr(node, "refuse_second_node", mock.Mock(side_effect=InvalidCommand("another one runs")))
+    return found
+
+
+@pytest.mark.parametrize("is_text", [True, False])
+def test_a_log_in_a_file_is_complete_while_the_driver_runs(intervals, monkeypatch, is_text):
+    # Standard output is a text file, or whatever else a program that embeds this one has put there.
+    stdout = io.TextIOWrapper(io.BytesIO()) if is_text else io.StringIO()
+    monkeypatch.setattr(node.sys, "stdout", stdout)
     assert node.main([]) == 2
     assert not is_text or stdout.line_buffering
+
+
+def test_no_thread_keeps_the_others_waiting_for_a_tenth_of_a_servo_cycle(intervals):
+    assert node.main([]) == 2
+    assert len(intervals) == 1 and intervals[0] < 0.1 * SERVO_PERIOD_S
 
 
 @pytest.mark.parametrize("priority, is_asked", [(0, False), (20, True)])

@@ -6,6 +6,7 @@ import re
 import socket
 import threading
 import urllib.request
+from unittest import mock
 
 import pytest
 from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, begin_move, on
@@ -14,6 +15,7 @@ from waiting import eventually, free_ports
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.ros.exit_codes import COMPUTER, CONFIGURATION
 from jaka_ros_driver.ros.metrics import figures
+from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.state import RobotState
 
 parser = pytest.importorskip("prometheus_client.parser")
@@ -167,6 +169,16 @@ def test_without_the_library_a_driver_says_what_to_install(ros_node, tmp_path):
                           metrics_port=9100, **on(simulator, guard=False)) as driver:
         code, said = driver.wait()
     assert code == CONFIGURATION and "apt install python3-prometheus-client" in said and "Traceback" not in said, said
+
+
+@pytest.mark.parametrize("owner", [None, *MotionOwner])
+def test_one_alone_holds_the_motion(owner):
+    arm = mock.MagicMock(motion_owner=owner)
+    found = {family.name: family for family in figures.Figures(arm, DriverConfig(), None, "1.0.0").collect()}
+    samples = found["jaka_motion_owner"].samples
+    assert [sample.labels["owner"] for sample in samples if sample.value == 1.0] == [
+        owner.name.lower() if owner else "nobody"]
+    assert sum(sample.value for sample in samples) == 1.0
 
 
 def test_temperatures_are_told_by_the_number_of_the_joint():

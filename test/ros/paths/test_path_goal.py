@@ -10,6 +10,7 @@ from waiting import eventually
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, PathInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.services import path_action
 from jaka_ros_driver.ros.services.path_action import PathAction
 
 
@@ -160,3 +161,9 @@ def test_a_path_of_somebody_else_is_not_told_as_this_ones_progress(goal):
     assert eventually(lambda: handle.status == GoalStatus.ACTIVE)
     arm.done.set_result(PathProgress(arm.done, 2, 2, 1.0))
     assert ended(handle)[0] == "succeeded" and not handle.feedback
+
+
+def test_where_the_installed_messages_lack_the_action_a_warning_says_so_and_it_is_not_offered(monkeypatch, caplog):
+    monkeypatch.setattr(path_action, "messages", SimpleNamespace(__path__=["/opt/maker/jaka_msgs"]))
+    PathAction(Arm(), Decoder(), Recorder(None)).offer()
+    assert "/opt/maker/jaka_msgs has no action MovePath: ~move_path is not offered" in caplog.text

@@ -51,6 +51,7 @@ def test_what_is_left_out_has_its_default():
     ({"closed_position": 0.08}, "both 0.08; they must differ"), ({"open_position": math.nan}, "open_position is nan"),
     ({"open_position": "wide"}, "a number, -10 to 10"), ({"threshold": 0.08}, "threshold is 0.08; valid: between"),
     ({"stroke_time": 0}, "stroke_time is 0; valid: a number, 0.01 to 60"), ({"timeout": 0.4}, "timeout is 0.4"),
+    ({"timeout": 120.5}, "timeout is 120.5; valid: a number, 0.5 to 120"),
     ({"open_input": 1, "closed_input": 1}, "two inputs"), ({"gripped_input": 1}, "need each other"),
     ({"gripped_position": 0.03}, "need each other"), ({"gripped_position": 0.3, "gripped_input": 1}, "0 to 0.08"),
     ({"closes_output": 1}, "unknown key closes_output; known: controller")])

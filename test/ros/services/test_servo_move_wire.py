@@ -80,6 +80,7 @@ def test_the_md5s_are_those_of_the_definitions():
     assert md5_of(POSE) == (POSE_MD5, ServoMovePoseRequest._md5sum)
     assert list(other_definitions(ServoMove)) == [POSE_MD5, "*"]
     assert [*other_definitions(ClearErr)] == [ClearError._md5sum]
+    assert [*other_definitions(ClearError)] == [ClearErr._md5sum]
 
 
 @pytest.mark.parametrize("srv_type", [Move, ServoMoveEnable, Trigger])

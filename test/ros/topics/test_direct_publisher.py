@@ -143,13 +143,16 @@ def test_a_listener_that_is_gone_ends_its_connection_alone(link, count):
     assert eventually(lambda: not slow_threads())
 
 
-def test_a_connection_that_is_closed_while_its_listener_stands_still_leaves_no_thread(link):
+def test_a_connection_that_is_closed_while_its_listener_stands_still_leaves_no_thread(link, monkeypatch):
+    failures = []
+    monkeypatch.setattr(threading, "excepthook", failures.append)
     connection, _ = link
     for number in range(40):
         connection.write_data(message(number, 5000))
     assert slow_threads()
     connection.close()
     assert eventually(lambda: not slow_threads())
+    assert not failures, "a listener that goes is no defect"
     with pytest.raises(TransportTerminated):
         connection.write_data(message(99, 10))
 
