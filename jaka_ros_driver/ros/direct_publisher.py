@@ -118,9 +118,10 @@ class DirectConnection:
         """Wait until the listener takes something; return False where the connection was closed."""
         while True:
             sock = self._transport.socket
-            if sock is None or sock.fileno() < 0:
+            descriptor = -1 if sock is None else sock.fileno()
+            if descriptor < 0:
                 return False
             poller = select.poll()
-            poller.register(sock.fileno(), select.POLLOUT)
+            poller.register(descriptor, select.POLLOUT)
             if poller.poll(_LONGEST_WAIT_MS):
                 return True
