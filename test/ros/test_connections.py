@@ -229,11 +229,12 @@ def test_a_subscriber_too_many_is_told_that_there_is_no_room(node):
         assert b"this node has %d subscribers, and room for no more" % (DESCRIPTORS // 8) in late.recv(4096)
 
 
-def test_callers_that_come_while_the_node_is_held_up_are_connected_and_served_then(node):
+def test_callers_that_come_while_the_node_is_held_up_are_connected_and_served_then(ros_node):
     with contextlib.ExitStack() as stack:
+        node = stack.enter_context(contextlib.closing(Node(1024, 1024)))  # enough for all that may shake hands at once
         node.process.send_signal(signal.SIGSTOP)
         try:
-            # Fewer than there is room for: those of the test before may not have been noticed to be gone.
+            # Fewer than there is room for, also where rosout or the master connects just then.
             socks = [stack.enter_context(node.connect()) for _ in range(connections.MOST_HANDSHAKES - 8)]
         finally:
             node.process.send_signal(signal.SIGCONT)
