@@ -31,7 +31,7 @@ export const cellZh = {
   'cell.offer_leave': '不导入',
   'cell.offer_where': '有以前保存的点位，见“单元数据”',
   'cell.frames': '坐标系',
-  'cell.kept.user_frames': '用户坐标系（相对基座）',
+  'cell.kept.user_frames': '用户坐标系（相对基坐标系）',
   'cell.kept.tool_frames': '工具坐标系（相对法兰）',
   'cell.payloads': '负载',
   'cell.payload_sure': '将为控制器的 {number} 号工具设置此负载：再按一次确认',
