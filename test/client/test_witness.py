@@ -21,11 +21,11 @@ class Asked:
     def request(self, command, now, on_reply):
         self.asked.append((command, on_reply))
 
-    def frame(self, joint, is_enabled=True, is_powered=True):
+    def frame(self, joint, is_enabled=True, is_powered=True, period=PERIOD):
         """Show joint 1 there, rad, one period later; returns why the feed is too old."""
-        self.now += PERIOD
+        self.now += period
         state = RobotState(joints(joint), is_powered, is_enabled, True, False, False, received_at=self.now)
-        return self.witness.saw(state, True, PERIOD)
+        return self.witness.saw(state, True, period)
 
     def ask(self):
         """Put the questions; returns which."""
@@ -192,3 +192,24 @@ def test_drives_count_as_known_only_from_an_answer_while_the_feed_shows_them_on(
     one.ask()
     one.answer(Query.DRIVES_READY, False)  # of a controller whose answer need not be that of these drives
     assert not any(one.frame(0.0) for _ in range(12))
+
+
+@pytest.mark.parametrize("frames, is_shown_in_time", [(1, True), (3, True), (4, False)])
+def test_an_answer_agrees_with_a_feed_that_shows_it_later_within_a_third_of_the_silence_timeout(
+        one, frames, is_shown_in_time):
+    one.ask()
+    one.answer(Query.JOINTS, joints(0.1))
+    for _ in range(frames - 1):
+        one.frame(0.0)
+    assert not one.witness.is_trusted and one.witness.is_unanswered
+    one.frame(0.1)
+    assert one.witness.is_trusted is is_shown_in_time and one.witness.is_unanswered is not is_shown_in_time
+
+
+@pytest.mark.parametrize("period, frames", [(0.1, 4), (0.2, 3), (0.4, 2)])
+def test_a_feed_with_long_pauses_has_two_of_them_and_a_little_more_to_show_an_answer(one, period, frames):
+    for told in (0.0, 1.0):
+        one.ask()
+        one.answer(Query.JOINTS, joints(told))
+    doubts = [bool(one.frame(0.0, period=period)) for _ in range(frames)]
+    assert doubts == [False] * (frames - 1) + [True]

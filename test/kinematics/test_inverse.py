@@ -178,6 +178,17 @@ def test_where_the_wrist_is_singular_joint_6_is_taken_from_the_reference():
     assert all(branch[5] == 0.0 for branch in inverse.inverse_all(ZU7, target) if branch[4] == 0.0)
 
 
+@pytest.mark.parametrize("wrist", [0.0, 1e-5, 0.7])
+def test_joints_beside_a_pose_settle_on_it_at_a_singularity_too(wrist):
+    joints, rng = (0.3, 1.2, -1.1, 0.8, wrist, 0.2), random.Random(17)
+    target = forward(ZU7, joints)
+    for _ in range(10):
+        start = beside(joints, 0.02, rng)
+        found = numeric_inverse.settle(ZU7, target, start)
+        assert error(ZU7, found, target) <= inverse.POSITION_TOLERANCE
+        assert max(abs(a - b) for a, b in zip(found, start)) < 0.1
+
+
 @pytest.mark.parametrize("model", ONE_OF_EACH_FAMILY, ids=lambda model: model.name)
 def test_the_zero_pose_is_reached_at_zero(model):
     found = inverse.inverse(model, forward(model, (0.0,) * 6), (0.0,) * 6)

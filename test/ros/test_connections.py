@@ -368,3 +368,27 @@ def test_a_connection_that_has_just_come_is_spared():
     pool.add(sock)
     assert not pool.close_oldest(60.0) and not sock.is_shut
     assert pool.close_oldest(0.0) and sock.is_shut and not pool.close_oldest()
+
+
+class Desk:
+    """rospy's handlers of a connection by its kind; each keeps the header that it was given, and refuses nothing."""
+
+    def __init__(self):
+        self.handled = []
+
+    def topic_connection_handler(self, sock, address, header):
+        self.handled.append(("topic", header["topic"]))
+
+    def service_connection_handler(self, sock, address, header):
+        self.handled.append(("service", header["service"]))
+
+
+@pytest.mark.parametrize("fields, handled", [
+    ({"topic": "/joint_states"}, [("topic", "/joint_states")]), ({"service": "/stop"}, [("service", "/stop")]), ({}, [])])
+def test_a_subscriber_is_handed_to_the_topics_and_a_caller_to_the_services(fields, handled):
+    desk, (here, peer) = Desk(), socket.socketpair()
+    with here, peer:
+        peer.sendall(encode_ros_handshake_header(dict(fields, callerid="/tests")))
+        connections._shake_hands(desk, connections.PooledConnection(here, 0.0), "a peer")
+        assert desk.handled == handled and (here.fileno() == -1) is not bool(handled)
+        assert handled or b"no topic or service name" in peer.recv(4096)

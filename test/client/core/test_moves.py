@@ -106,6 +106,7 @@ def test_a_move_that_is_accepted_and_never_begins_is_stopped_before_it_is_called
     assert story.error("move") == "pending"
     story.run(0.1)
     assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1
+    assert "it is 0.5000 rad from the target" in str(story.error("move"))
 
 
 @pytest.mark.parametrize("flags", [
@@ -165,6 +166,7 @@ def test_rest_elsewhere_than_at_the_target_was_a_stop_and_is_made_sure_of():
     assert story.error("move") == "pending"
     story.run(0.2)
     assert story.cause("move") is StopCause.STOPPED and story.count("stop_program") == 1
+    assert "the arm came to rest 0.4000 rad from the target" in str(story.error("move"))
 
 
 def test_a_pause_in_being_in_position_is_not_the_end():

@@ -9,7 +9,7 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import to_the_end
 from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay, joint_corners
-from jaka_ros_driver.client.core.motion_guard.line_walk import walk
+from jaka_ros_driver.client.core.motion_guard.line_walk import LineWalk, walk
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
@@ -108,3 +108,10 @@ def test_the_straight_lines_of_a_corner_are_near_to_it_and_no_more_than_that_nee
 def test_of_an_arm_whose_branches_have_other_measures_no_part_is_said_to_flip():
     line = walked(load_model("a12"), (1.9679, 1.4838, 1.172, 2.033, 1.3144, 1.4487), (-0.088, 0.289, 0.277))
     assert line.early_end.reason.startswith("singular: joint ")
+
+
+def test_a_way_of_no_length_has_a_begin_and_an_end():
+    way = LineWalk(MODEL, ToolFrames(IDENTITY, IDENTITY), HOME, lambda share: forward(MODEL, HOME), 0.0, 0.0, 0.0)
+    to_the_end(way.looks())
+    assert way.shares == [0.0, 1.0] and way.early_end is None
+    assert way.joints[0] == HOME and way.end == pytest.approx(HOME, abs=1e-9)

@@ -189,6 +189,17 @@ def test_an_arm_that_begins_at_a_singularity_or_just_beside_it_moves_where_its_j
     assert moved[:2] == pytest.approx((0.0, 0.0), abs=1e-6) and moved[2] < -0.04
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_arm_of_one_measure_goes_nearer_to_a_singularity_that_is_far(sign):
+    a12, start = load_model("a12"), (0.0, 1.2, -1.1, 0.8, 0.9, 0.2)
+    ramp = JogRamp(start, a12, SPEEDS)
+    for _ in range(60):
+        ramp.step(Wish(JogFrame.BASE, (0.0, 0.1 * sign, 0.0, 0.0, 0.0, 0.0)))
+        assert ramp.obstacle == ""
+    moved = [b - a for a, b in zip(forward(a12, start)[9:], forward(a12, ramp.position)[9:])]
+    assert moved == pytest.approx((0.0, 0.0477 * sign, 0.0), abs=5e-4)
+
+
 def test_a_turned_wish_keeps_its_axis_and_its_centre():
     line = JogLine(transform(matrix_from_rpy((0.1, 0.2, 0.3)), (0.4, 0.5, 0.6)), (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
                    JogFrame.BASE)

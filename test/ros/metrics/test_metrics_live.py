@@ -12,7 +12,9 @@ import pytest
 from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, begin_move, on
 from waiting import eventually, free_ports
 
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.exit_codes import COMPUTER, CONFIGURATION
 from jaka_ros_driver.ros.metrics import figures
 from jaka_ros_driver.ros.params import DriverConfig
@@ -192,3 +194,16 @@ def test_temperatures_are_told_by_the_number_of_the_joint():
 def test_of_a_controller_without_temperatures_there_is_no_such_figure():
     state = RobotState(HOME, True, True, False, False, False, received_at=1.0)
     assert "jaka_temperature_celsius" not in {family.name for family in figures._of_state(state)}
+
+
+def test_a_motion_is_counted_once_by_its_kind_when_it_begins():
+    arm = mock.MagicMock(fresh_state=mock.Mock(side_effect=ConnectionLost("none")), guard=None)
+    counted = figures.Figures(arm, DriverConfig(), None, "1.0")
+    counted.start()
+    notify, = arm.add_custody_listener.call_args[0]
+    for owner in (MotionOwner.JOG, MotionOwner.MOVE, MotionOwner.MOVE):
+        notify(NotifyGuard(True, owner.value))
+        notify(NotifyGuard(False))
+    notify(NotifyGuard(True, "a motion of another kind"))
+    family, = (family for family in counted.collect() if family.name == "jaka_motions")
+    assert {sample.labels["kind"]: sample.value for sample in family.samples if sample.value} == {"jog": 1, "move": 2}

@@ -41,6 +41,7 @@ class Bench:
     Attributes:
         topics: By name.
         arm: The arm's client, as far as it is used.
+        frames: The transforms of tool and user frame by a state; None where they are not known.
         publishers: The publishers under test.
     """
 
@@ -52,8 +53,8 @@ class Bench:
             settings=SimpleNamespace(feed_period=0.008), model=load_model("zu7"), is_servo_active=False,
             is_stream_moving=None, link_health=SimpleNamespace(status_is_up=True),
             add_listener=self._listen, add_task=lambda task: None)
-        frames = SimpleNamespace(flange_t_tool=lambda state: IDENTITY, base_t_user=lambda state: IDENTITY)
-        self.publishers = state_publishers.StatePublishers(self.arm, DriverConfig(**parameters), frames)
+        self.frames = SimpleNamespace(flange_t_tool=lambda state: IDENTITY, base_t_user=lambda state: IDENTITY)
+        self.publishers = state_publishers.StatePublishers(self.arm, DriverConfig(**parameters), self.frames)
         self.publishers.start()
         self.now = 100.0
 
@@ -126,3 +127,17 @@ def test_a_state_that_is_stale_or_whose_link_is_down_is_not_repeated_then_or_lat
 def test_a_pose_that_the_controller_does_not_tell_is_not_published(bench):
     bench.feed(1, tcp_position=None)
     assert bench.counts()["~tool_position"] == 0 and bench.counts()["~joint_position"] == 1
+
+
+@pytest.mark.parametrize("publish_tf, unknown, links", [
+    ("all", (), ["base_link tool0", "tool0 tool", "base_link user_frame_3"]),
+    ("tool", (), ["tool0 tool", "base_link user_frame_3"]),
+    ("all", ("flange_t_tool",), ["base_link tool0", "base_link user_frame_3"]),
+    ("all", ("base_t_user",), ["base_link tool0", "tool0 tool"])])
+def test_the_transforms_are_those_of_flange_tool_and_user_frame_as_far_as_they_are_known(
+        monkeypatch, publish_tf, unknown, links):
+    bench = Bench(monkeypatch, publish_tf=publish_tf)
+    for name in unknown:
+        setattr(bench.frames, name, lambda state: None)
+    transforms = bench.feed(1).newest("/tf").transforms
+    assert ["%s %s" % (one.header.frame_id, one.child_frame_id) for one in transforms] == links
