@@ -371,7 +371,7 @@ def test_a_connection_that_has_just_come_is_spared():
 
 
 class Desk:
-    """rospy's handlers of a connection by its kind; each keeps the header that it was given, and refuses nothing."""
+    """The handlers of a connection by its kind, as rospy has them; each keeps what is asked for and refuses nothing."""
 
     def __init__(self):
         self.handled = []
@@ -384,7 +384,8 @@ class Desk:
 
 
 @pytest.mark.parametrize("fields, handled", [
-    ({"topic": "/joint_states"}, [("topic", "/joint_states")]), ({"service": "/stop"}, [("service", "/stop")]), ({}, [])])
+    ({"topic": "/joint_states"}, [("topic", "/joint_states")]),
+    ({"service": "/stop"}, [("service", "/stop")]), ({}, [])])
 def test_a_subscriber_is_handed_to_the_topics_and_a_caller_to_the_services(fields, handled):
     desk, (here, peer) = Desk(), socket.socketpair()
     with here, peer:

@@ -81,6 +81,16 @@ def test_at_the_edge_of_its_reach_the_tool_stands_and_the_way_back_leads_home():
     assert ramp.position == pytest.approx(HOME, abs=5e-3) and meter.sideways < 1e-6 and not meter.is_crossed
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_tool_that_nears_the_edge_of_its_reach_slows_down_without_jerking_on(sign):
+    ramp, tools = JogRamp(HOME, ZU7, SPEEDS), []
+    while not ramp.obstacle and len(tools) < 1000:
+        tools.append(forward(ZU7, ramp.step(Wish(JogFrame.BASE, (0.0, 0.25 * sign, 0.0, 0.0, 0.0, 0.0)))))
+    speeds = [distance_between(a, b) / SERVO_PERIOD_S for a, b in zip(tools, tools[1:])]
+    slowing = speeds[max(number for number, speed in enumerate(speeds) if speed > 0.249):]
+    assert ramp.obstacle and len(slowing) > 50 and sum(max(0.0, b - a) for a, b in zip(slowing, slowing[1:])) < 0.025
+
+
 @pytest.mark.parametrize("start, twist, reason", [
     ((0.0, 2.0, -2.0, 1.6, 1.5, 0.0), (0.1, 0.0, 0.0, 0.0, 0.0, 0.0),
      "shoulder singularity, the wrist is above joint 1: jog joint 2"),
