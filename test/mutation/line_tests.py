@@ -34,6 +34,7 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/convert.py": ("test/ros/services/test_services.py", "test/ros/topics/test_publishing.py"),
     "ros/log_bridge.py": ("test/ros/test_log_bridge.py",),
     "ros/master_watch.py": ("test/ros/test_master_restart.py",),
+    "ros/metrics/figures.py": ("test/ros/metrics/test_metrics_live.py",),
     "ros/node.py": ("test/ros/test_node.py", "test/ros/services/test_stop.py"),
     "ros/other_messages.py": ("test/ros/test_external_messages.py",),
     "ros/services/call_publisher.py": ("test/ros/services/test_services.py",),
