@@ -90,9 +90,9 @@ class LineTests(NamedTuple):
             module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
             found |= {test for test, seconds in self.seconds.items()
                       if seconds < _FAST_S and module in _words(root / test.split("::")[0])}
-        own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice
-        found = found or {test for test in self._at(lines, lines) if own in test}
-        ordered = sorted(found, key=lambda test: (own not in test or self.seconds[test] > _FAST_S,
+        own = re.compile(r"/test_%s(_\w+)?\.py" % Path(mutant.file).stem)  # the likeliest to notice
+        found = found or {test for test in self._at(lines, lines) if own.search(test)}
+        ordered = sorted(found, key=lambda test: (not own.search(test) or self.seconds[test] > _FAST_S,
                                                   self.seconds[test], test))
         return ordered + list(LIVE.get(mutant.file, ()))
 

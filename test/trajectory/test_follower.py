@@ -160,3 +160,14 @@ def test_a_point_after_the_time_of_the_last_one_begins_anew_and_the_arm_does_not
         follower.now = cycle * PERIOD
         frames.append(follower.step(1.0)[0] - HOME[0])
     assert frames[-1] == pytest.approx(0.05) and np.diff(frames).max() / PERIOD < 0.4
+
+
+def test_a_point_where_the_arm_stands_already_is_at_its_end_when_its_time_is_over_and_not_before():
+    follower, ends = PointFollower(HOME, MODEL, 0.0), []
+    follower.add(HOME, 4.0 * HOLD_S, 0.0)
+    for cycle in range(int(6.0 * HOLD_S / PERIOD)):
+        follower.now = cycle * PERIOD
+        follower.step(1.0)
+        if follower.is_at_end:
+            ends.append(follower.now)
+    assert ends and ends[0] == pytest.approx(4.0 * HOLD_S, abs=3 * PERIOD)
