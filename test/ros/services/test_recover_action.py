@@ -1,5 +1,9 @@
 """~recover, action and service side by side, on the running node; requests are judged by the controller's log."""
 import contextlib
+import queue
+import threading
+from concurrent.futures import Future
+from types import SimpleNamespace
 
 import actionlib
 import pytest
@@ -10,6 +14,9 @@ from driver_bench import SimulatorProcess, rosservice
 from waiting import eventually
 
 from jaka_msgs.msg import RecoverAction, RecoverActionFeedback, RecoverGoal
+from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
+from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.services import recover_action
 
 STEPS = ["clear error", "power", "enable"]
 
@@ -148,3 +155,22 @@ def test_the_step_under_way_is_told_again_for_those_who_missed_its_beginning(off
     assert client.end()[0] == GoalStatus.SUCCEEDED
     assert eventually(lambda: client.steps == ["power", "enable"])
     assert len(client._feedback) >= 6
+
+
+def test_the_present_step_is_told_again_four_times_a_second_and_more(monkeypatch):
+    waits, told = [], []
+
+    def get(timeout=None):
+        waits.append(timeout)
+        if len(waits) == 5:
+            return None
+        if timeout is None:
+            return RecoveryStep.POWER
+        raise queue.Empty
+    monkeypatch.setattr(recover_action, "SimpleQueue", lambda: SimpleNamespace(get=get, put=lambda step: None))
+    done = Future()
+    done.set_result("recovered")
+    action = recover_action.RecoverAction(SimpleNamespace(begin=lambda work: done), Recorder(None))
+    goal = SimpleNamespace(publish_feedback=lambda feedback: told.append(feedback.step))
+    assert action._recover(goal, threading.Event()) == "recovered"
+    assert told == [RecoveryStep.POWER.value] * 4 and max(waits[1:]) <= 0.25

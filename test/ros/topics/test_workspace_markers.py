@@ -1,6 +1,7 @@
 """~workspace_markers: zones and capsules as rviz shows them, and the type on the wire."""
 import io
 import math
+import re
 from types import SimpleNamespace
 
 import pytest
@@ -153,3 +154,12 @@ def test_the_topic_is_latched(monkeypatch):
     assert made == [("~workspace_markers", "visualization_msgs/MarkerArray", True)] and not published
     markers.publish(CELL)
     assert len(published) == 1 and len(in_namespace(published[0].markers, "cylinder post")) == 1
+
+
+def test_zones_have_the_colours_that_the_panel_gives_them(root):
+    script = (root / "tools/jaka_panel/web/js/view/zones.js").read_text(encoding="utf-8")
+    out, within = (re.search(r"const %s = 0x(..)(..)(..);" % name, script).groups() for name in ("OUT", "WITHIN"))
+    shown = {marker.ns.partition(" ")[0]: marker.color for marker in markers_of(CELL)}
+    for kind, colour in (("keep-out", out), ("cylinder", out), ("floor", out), ("keep-in", within)):
+        assert [shown[kind].r, shown[kind].g, shown[kind].b] == pytest.approx(
+            [int(part, 16) / 255.0 for part in colour], abs=0.002), kind
