@@ -57,7 +57,7 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/trajectories/topics.py": ("test/ros/trajectories/test_goals.py",),
 }
 """Tests that notice a mutant of a line that is run in processes of their own only, beside a ROS master."""
-_FAST_S = 0.5
+_FAST_S, _OWN_S = 0.5, 2.0
 _CHUNKS_OF_SEEDS = 3
 """Chunks of ten seeds each."""
 _FILES_A_PROCESS = 12
@@ -92,7 +92,7 @@ class LineTests(NamedTuple):
                       if seconds < _FAST_S and module in _words(root / test.split("::")[0])}
         own = re.compile(r"/test_%s(_\w+)?\.py" % Path(mutant.file).stem)  # the likeliest to notice
         found = found or {test for test in self._at(lines, lines) if own.search(test)}
-        ordered = sorted(found, key=lambda test: (not own.search(test) or self.seconds[test] > _FAST_S,
+        ordered = sorted(found, key=lambda test: (not own.search(test) or self.seconds[test] > _OWN_S,
                                                   self.seconds[test], test))
         return ordered + list(LIVE.get(mutant.file, ()))
 
