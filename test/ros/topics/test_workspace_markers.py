@@ -163,3 +163,4 @@ def test_zones_have_the_colours_that_the_panel_gives_them(root):
     for kind, colour in (("keep-out", out), ("cylinder", out), ("floor", out), ("keep-in", within)):
         assert [shown[kind].r, shown[kind].g, shown[kind].b] == pytest.approx(
             [int(part, 16) / 255.0 for part in colour], abs=0.002), kind
+        assert 0.3 < shown[kind].a <= 1.0, "visible"
