@@ -174,48 +174,46 @@ def test_frames_that_miss_in_short_pauses_are_missed_after_a_long_one():
     assert told[9:11] == [(10, True), (11, True)] and not any(is_new for _, is_new in told[11:])
 
 
+class Paced:
+    """A feed whose controller has confirmed a period, s, and whose frames come at any other."""
+
+    def __init__(self, period):
+        self.feed, self._now = Feed(period), 0.0
+        self.feed.open(0.0)
+        self.feed.confirmed(period)
+
+    def take(self, interval, count, at_once=1):
+        for n in range(count):
+            self._now += interval
+            self.feed.received(at_once * frame_of(n), self._now)
+
+
 def test_a_controller_that_is_slower_by_nature_owes_nothing():
     # It confirms 8 ms and sends every 14 ms; one that sends every 10 ms, or has kept to 8 ms, owes what does not come.
     for rhythms, owes in (([0.014], False), ([0.010], True), ([0.008, 0.014], True)):
-        feed, now = Feed(0.008), 0.0
-        feed.open(now)
-        feed.confirmed(0.008)
-        for period in rhythms:
-            for n in range(300):
-                now += period
-                feed.received(frame_of(n), now)
-        assert (feed.owed > 0.45) is owes
+        paced = Paced(0.008)
+        for interval in rhythms:
+            paced.take(interval, 300)
+        assert (paced.feed.owed > 0.45) is owes
 
 
 def test_a_rhythm_that_a_witness_has_confirmed_is_the_period_from_then_on_as_far_as_clocks_differ():
-    feed, now = Feed(0.08), 0.0
-    feed.open(now)
-    feed.confirmed(0.08)
-    for period, count in ((0.1, 101), (0.101, 400)):
-        for n in range(count):
-            now += period
-            feed.received(frame_of(n), now)
-        feed.refute_debt()
-        assert feed.owed == 0.0
+    paced = Paced(0.08)
+    for interval, count in ((0.1, 101), (0.101, 400)):
+        paced.take(interval, count)
+        paced.feed.refute_debt()
+        assert paced.feed.owed == 0.0
 
 
 def test_the_first_hundred_frames_tell_no_rhythm():
-    feed, now = Feed(0.008), 0.0
-    feed.open(now)
-    feed.confirmed(0.008)
-    for period, count in ((0.008, 50), (0.014, 400)):
-        for n in range(count):
-            now += period
-            feed.received(frame_of(n), now)
-    assert feed.owed == 0.0
+    paced = Paced(0.008)
+    for interval, count in ((0.008, 50), (0.014, 400)):
+        paced.take(interval, count)
+    assert paced.feed.owed == 0.0
 
 
 def test_frames_that_come_two_by_two_keep_their_period_too():
-    feed, now = Feed(0.008), 0.0
-    feed.open(now)
-    feed.confirmed(0.008)
+    paced = Paced(0.008)
     for period in (0.008, 0.014):
-        for n in range(150):
-            now += 2.0 * period
-            feed.received(frame_of(n) + frame_of(n), now)
-    assert feed.owed > 0.45
+        paced.take(2.0 * period, 150, at_once=2)
+    assert paced.feed.owed > 0.45

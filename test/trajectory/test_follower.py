@@ -139,26 +139,27 @@ def test_a_point_outside_the_limits_is_refused_by_joint_value_and_limit():
             require_within((0.0, value, 0.0, 0.0, 0.0, 0.0), MODEL)
 
 
-def test_a_point_after_a_pause_is_reached_when_it_is_due_and_not_as_one_that_is_late():
-    follower, frames = PointFollower(HOME, MODEL, 0.0), []
-    follower.add(joints(0.05), 0.1, 0.0)
-    for cycle in range(500):
-        if cycle == 250:
-            follower.add(joints(0.45), 3.0, 250 * PERIOD)
+def led(cycles, *points):
+    """Return the way of joint 1, rad, in each cycle; ``points`` are the cycle in which one comes, its way and when it
+    is due, s."""
+    follower, ways = PointFollower(HOME, MODEL, 0.0), []
+    for cycle in range(cycles):
+        for comes, way, due in points:
+            if comes == cycle:
+                follower.add(joints(way), due, cycle * PERIOD)
         follower.now = cycle * PERIOD
-        frames.append(follower.step(1.0)[0] - HOME[0])
+        ways.append(follower.step(1.0)[0] - HOME[0])
+    return ways
+
+
+def test_a_point_after_a_pause_is_reached_when_it_is_due_and_not_as_one_that_is_late():
+    frames = led(500, (0, 0.05, 0.1), (250, 0.45, 3.0))
     assert frames[249] == pytest.approx(0.05) and frames[-1] == pytest.approx(0.45)
     assert frames[313] == pytest.approx(0.25, abs=0.05), "half of the way in half of the time"
 
 
 def test_a_point_after_the_time_of_the_last_one_begins_anew_and_the_arm_does_not_hurry():
-    follower, frames = PointFollower(HOME, MODEL, 0.0), []
-    follower.add(joints(0.0), 0.03, 0.0)
-    for cycle in range(100):
-        if cycle == 32:
-            follower.add(joints(0.05), 0.29, 32 * PERIOD)
-        follower.now = cycle * PERIOD
-        frames.append(follower.step(1.0)[0] - HOME[0])
+    frames = led(100, (0, 0.0, 0.03), (32, 0.05, 0.29))
     assert frames[-1] == pytest.approx(0.05) and np.diff(frames).max() / PERIOD < 0.4
 
 

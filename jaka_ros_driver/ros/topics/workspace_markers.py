@@ -20,6 +20,7 @@ from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 _Colour = Tuple[float, float, float, float]
 _KEPT_OUT: _Colour = (0.847, 0.227, 0.18, 0.4)
 _KEPT_IN: _Colour = (0.184, 0.631, 0.31, 0.9)
+"""Colours of zones, as the panel draws them (``tools/jaka_panel/web/js/view/zones.js``)."""
 _ARM: _Colour = (0.2, 0.45, 0.8, 0.5)
 _TOOL: _Colour = (0.9, 0.6, 0.1, 0.5)
 _FLOOR_EDGE, _FLOOR_DEPTH, _LINE = 4.0, 0.002, 0.006
