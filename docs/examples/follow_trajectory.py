@@ -3,7 +3,9 @@
 
 The driver must be running and the arm enabled, for instance by ``roslaunch jaka_ros_driver demo.launch``.
 """
+import signal
 import sys
+import threading
 
 import actionlib
 import rospy
@@ -22,7 +24,7 @@ FollowJointTrajectoryAction = message_type("control_msgs/FollowJointTrajectoryAc
 
 def main() -> int:
     """Send the goal and wait for its end; 0 at the last point, 1 otherwise, with the reason on the screen."""
-    rospy.init_node("follow_trajectory", disable_signals=True)  # so that Ctrl-C is raised here
+    rospy.init_node("follow_trajectory", disable_signals=True)  # Ctrl-C is this program's own
     client = actionlib.SimpleActionClient(CONTROLLER + "/follow_joint_trajectory", FollowJointTrajectoryAction)
     if not client.wait_for_server(rospy.Duration(10.0)):
         print("nobody offers %s/follow_joint_trajectory" % CONTROLLER)
@@ -36,13 +38,15 @@ def main() -> int:
             positions=[start.position[0] + angle, *start.position[1:]], velocities=[0.0] * 6,
             time_from_start=rospy.Duration.from_sec(seconds)))
     goal.trajectory.header.stamp = rospy.Time()  # zero: begin at once
+    interrupted = threading.Event()  # no exception, which could come between the goal and the wait for its end
+    signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
     client.send_goal(goal)
     print("sent %d points" % len(WAY), flush=True)
-    try:
-        client.wait_for_result()
-    except KeyboardInterrupt:
-        client.cancel_goal()
-        client.wait_for_result(rospy.Duration(5.0))  # PREEMPTED comes when the arm rests
+    while not client.wait_for_result(rospy.Duration(0.1)):
+        if interrupted.is_set():
+            client.cancel_goal()
+            client.wait_for_result(rospy.Duration(5.0))  # PREEMPTED comes when the arm rests
+            break
     print("%s: %s" % (actionlib.GoalStatus.to_string(client.get_state()), client.get_goal_status_text()))
     return 0 if client.get_state() == actionlib.GoalStatus.SUCCEEDED else 1
 

@@ -1,11 +1,15 @@
 #!/usr/bin/env python3
 """Streams joint targets in servo mode: joint 1 swings out by 0.1 rad and back, 125 targets a second, for 4 s.
 
+Ctrl-C ends the stream, and servo mode with it.
+
 The driver must be running with ``interface`` documented (targets are absolute) and the arm enabled, for instance by
 ``roslaunch jaka_ros_driver demo.launch``.
 """
 import math
+import signal
 import sys
+import threading
 
 import rospy
 from sensor_msgs.msg import JointState
@@ -20,8 +24,10 @@ DURATION_S = 4.0
 
 
 def main() -> int:
-    """Stream; 0 when every target was taken, 1 where one was refused."""
-    rospy.init_node("stream_servo_targets")
+    """Stream; 0 when every target was taken, 1 where one was refused or somebody interrupts."""
+    rospy.init_node("stream_servo_targets", disable_signals=True)  # rospy ends at once, and calls no service then
+    interrupted = threading.Event()
+    signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
     for name in ("servo_move_enable", "servo_j"):
         rospy.wait_for_service("%s/%s" % (DRIVER, name), timeout=10.0)
     servo_mode = rospy.ServiceProxy(DRIVER + "/servo_move_enable", ServoMoveEnable)
@@ -42,6 +48,9 @@ def main() -> int:
             answer = servo_j(pose=[start[0] + angle] + list(start[1:]))
             if answer.ret != 1:  # the driver has stopped the stream, or did not take this target: message says why
                 print("target %d: %s" % (step, answer.message))
+                return 1
+            if interrupted.is_set():
+                print("interrupted")
                 return 1
             rate.sleep()
     finally:

@@ -6,7 +6,6 @@ it is seen at rest. Every frame of the feed is held against the room; leaving it
 """
 import math
 import select
-import signal
 import time
 from typing import Callable, List, NamedTuple, Optional
 
@@ -17,7 +16,7 @@ from jaka_ros_driver.commands import Command, ServoJoint
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.probe.look import HeardFeed
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection
-from jaka_ros_driver.probe.set_same import uninterrupted
+from jaka_ros_driver.probe.set_same import is_interrupted, uninterrupted
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_object
 from jaka_ros_driver.state import RobotState, Vector
@@ -145,7 +144,7 @@ class Mover:
         self._read(seconds)
         if self._trouble:
             raise MotionEnded(self._trouble)
-        if signal.sigpending():
+        if is_interrupted():
             raise MotionEnded("Ctrl-C, or another signal")
         trouble = self._guard.health().last_trouble
         if trouble != self._guard_trouble:

@@ -262,8 +262,7 @@ class _Run:
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
         """Let no driver of this computer have the controller."""
-        with uninterrupted():  # its thread must leave Ctrl-C to this one
-            lock = DriverLock(self._options.address, self._options.command_port, _NAME)
+        lock = DriverLock(self._options.address, self._options.command_port, _NAME)
         try:
             yield
         finally:

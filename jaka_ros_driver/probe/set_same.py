@@ -49,6 +49,8 @@ _HIGHEST_ID = 15
 _SPELLINGS = (("userffset", 1.0), ("useroffset", 2.0))
 """Keys of ``set_user_offsets``, each with the x, mm, that it is tried with."""
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+_came: List[int] = []
+"""Signals that were put off."""
 
 Tell = Callable[[str], None]
 
@@ -59,12 +61,31 @@ class StageEnded(JakaError):
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold back the signals that would end this program; a thread that is started here never takes them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    """Put off the signals that would end this program until the end of the block; for the main thread alone.
+
+    They are not blocked: another thread would take them (OpenBLAS begins some), and Python would raise their exception
+    in this one all the same.
+    """
+    before = {number: signal.signal(number, _put_off) for number in _ENDING
+              if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if _put_off not in before.values() and is_interrupted():
+            number = _came[0]
+            _came.clear()
+            signal.raise_signal(number)
+
+
+def is_interrupted() -> bool:
+    """Return whether a signal was put off."""
+    return bool(_came)
+
+
+def _put_off(number: int, frame: Any) -> None:
+    _came.append(number)
 
 
 class SetBack:

@@ -1,12 +1,16 @@
 """The stage set beside controllers that do not do as they are told: what it leaves, and what it says of that."""
 import contextlib
+import os
+import signal
+import threading
+import time
 from types import SimpleNamespace
 
 import pytest
 
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import TimedReply
-from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, set_same
+from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
 from jaka_ros_driver.state import RobotState
 
 
@@ -152,3 +156,18 @@ def test_what_was_changed_is_set_back_by_whatever_a_step_is_ended(name):
     with pytest.raises(RuntimeError):
         run(desk, output=3)
     assert ended and (desk.users, desk.terminals) == before
+
+
+def test_a_signal_waits_though_another_thread_can_take_it():
+    ended, seen = threading.Event(), []
+    other = threading.Thread(target=ended.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.1)
+            seen.append("the end")
+    finally:
+        ended.set()
+        other.join()
+    assert seen

@@ -29,12 +29,17 @@ def ignored(number: int, frame: Any) -> None:
 
 @contextlib.contextmanager
 def held_back() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back for a while, here and in processes that begin meanwhile."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    """Hold Ctrl-C and SIGTERM back for a while, here and in processes that begin meanwhile.
+
+    To block them is not enough here: another thread would take them (OpenBLAS begins some), and Python would raise
+    their exception in this one all the same.
+    """
+    with put_off():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

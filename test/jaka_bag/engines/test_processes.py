@@ -91,13 +91,16 @@ def test_a_process_is_ended_though_a_signal_comes_as_it_is_started(method, numbe
     script = tmp_path / "waits.py"
     script.write_text(WAITS.replace('if __name__ == "__main__":', """
 if __name__ == "__main__":
-    import os
+    import os, threading, time
     from multiprocessing.process import BaseProcess
     start = BaseProcess.start
 
     def started(process):
         start(process)
         os.kill(os.getpid(), %d)
-    BaseProcess.start = started""" % number))
+        time.sleep(0.1)
+    BaseProcess.start = started
+    threading.Thread(target=threading.Event().wait, daemon=True).start()  # that can take the signal, too
+""" % number))
     done = subprocess.run([sys.executable, str(script), method, str(tmp_path)], timeout=60, stderr=subprocess.PIPE)
     assert done.returncode == 130 and b"Traceback" not in done.stderr

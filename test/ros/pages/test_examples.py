@@ -71,6 +71,17 @@ def test_a_client_that_streams_servo_targets(arm, tmp_path):
     assert arm.simulator.state()["joint_position"][0] == pytest.approx(HOME[0], abs=0.1)
 
 
+def test_a_client_that_streams_and_gets_ctrl_c_leaves_servo_mode(arm, tmp_path):
+    arm.go_home()
+    process = started(tmp_path, str(EXAMPLES / "stream_servo_targets.py"))
+    assert eventually(arm.simulator.is_moving)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=PATIENCE_S)[0]
+    assert process.returncode == 1 and said.startswith("interrupted\n") and "servo mode left" in said, said
+    assert eventually(lambda: not arm.simulator.is_moving())
+    assert arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1
+
+
 def test_a_client_that_sends_a_trajectory(arm, tmp_path):
     arm.go_home()
     code, said = run(tmp_path, str(EXAMPLES / "follow_trajectory.py"))
@@ -78,11 +89,25 @@ def test_a_client_that_sends_a_trajectory(arm, tmp_path):
     assert arm.simulator.state()["joint_position"] == pytest.approx([math.degrees(q) for q in HOME], abs=0.1)
 
 
-def test_a_client_that_cancels_its_trajectory_with_ctrl_c(arm, tmp_path):
+IN_THE_SENDING = """
+import os, runpy, signal, sys
+import actionlib
+send = actionlib.SimpleActionClient.send_goal
+def sent(*words):
+    send(*words)
+    os.kill(os.getpid(), signal.SIGINT)
+actionlib.SimpleActionClient.send_goal = sent
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("words", [(), ("-c", IN_THE_SENDING)], ids=["in motion", "as the goal is sent"])
+def test_a_client_that_cancels_its_trajectory_with_ctrl_c(arm, tmp_path, words):
     arm.go_home()
-    process = started(tmp_path, str(EXAMPLES / "follow_trajectory.py"))
-    assert eventually(arm.simulator.is_moving)
-    process.send_signal(signal.SIGINT)
+    process = started(tmp_path, *words, str(EXAMPLES / "follow_trajectory.py"))
+    if not words:
+        assert eventually(arm.simulator.is_moving)
+        process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=PATIENCE_S)[0]
     assert process.returncode == 1 and "PREEMPTED: cancelled by its client" in said, said
     assert not arm.simulator.is_moving()
