@@ -74,9 +74,9 @@ def uninterrupted() -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
         if _put_off not in before.values() and is_interrupted():
-            number = _came[0]
+            first = _came[0]
             _came.clear()
-            signal.raise_signal(number)
+            signal.raise_signal(first)
 
 
 def is_interrupted() -> bool:

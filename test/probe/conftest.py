@@ -1,5 +1,6 @@
 """Fixtures of the tests of jaka_probe."""
 import contextlib
+import signal
 
 import pytest
 from probe_bench import Controller
@@ -11,3 +12,11 @@ def controller(tmp_path):
         def start(*arguments):
             return stack.enter_context(contextlib.closing(Controller(tmp_path, *arguments)))
         yield start
+
+
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C as Python begins with it: rospy's handler stays in a process that has been a node."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

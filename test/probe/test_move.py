@@ -142,7 +142,7 @@ class WatchedArm:
                 place, since = newest, time.monotonic()
 
 
-def test_a_probe_that_was_held_up_or_is_to_end_stops_what_it_moves():
+def test_a_probe_that_was_held_up_or_is_to_end_stops_what_it_moves(ctrl_c):
     feed = SimpleNamespace(states=[dataclasses.replace(STATE, received_at=time.monotonic())], on_state=None,
                            connection=SimpleNamespace(is_closed=True))
     trouble = [""]

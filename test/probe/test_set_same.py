@@ -158,7 +158,7 @@ def test_what_was_changed_is_set_back_by_whatever_a_step_is_ended(name):
     assert ended and (desk.users, desk.terminals) == before
 
 
-def test_a_signal_waits_though_another_thread_can_take_it():
+def test_a_signal_waits_though_another_thread_can_take_it(ctrl_c):
     ended, seen = threading.Event(), []
     other = threading.Thread(target=ended.wait)
     other.start()
