@@ -298,7 +298,7 @@ class ArmClient:
     def cancel_path(self, path: "Future[PathProgress]") -> bool:
         """Stop the path of this future; return False where it does not run (yet, or any more)."""
         with self._in_core():
-            is_cancelled = self._core.cancel_path(path, time.monotonic())
+            is_cancelled = not self._is_closed and self._core.cancel_path(path, time.monotonic())
             self._perform()
         return is_cancelled
 
@@ -345,6 +345,8 @@ class ArmClient:
             InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
         """
         with self._in_core():
+            if self._is_closed:
+                raise ConnectionLost("driver shut down")
             return self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
@@ -431,7 +433,12 @@ class ArmClient:
     def cancel_trajectory(self, goal: "Optional[Future[str]]" = None) -> bool:
         """Brake a trajectory on its path, that of ``follow``'s future or any; return False where it does not run."""
         with self._in_core():
-            return self._core.cancel_trajectory(goal, time.monotonic())
+            return not self._is_closed and self._core.cancel_trajectory(goal, time.monotonic())
+
+    def end_trajectories(self) -> bool:
+        """Brake any trajectory as ``cancel_trajectory`` does; none begins that was asked for before."""
+        with self._in_core():
+            return not self._is_closed and self._core.end_trajectories(time.monotonic())
 
     @property
     def trajectory(self) -> Optional[TrajectoryProgress]:

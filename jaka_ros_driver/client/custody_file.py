@@ -43,12 +43,12 @@ class CustodyFile:
         Args:
             host: The controller's address.
             command_port: Its command port.
-            folders: Folders for the file; the first usable one receives it. None for the runtime folders.
+            folders: Folders for the file; None for the runtime folders.
         """
         self._file = RuntimeFile("custody", host, command_port, folders)
 
     def write(self, left: LeftMotion) -> None:
-        """Replace the file; raise OSError where that is not possible."""
+        """Replace the file; raise OSError where no folder takes it."""
         jog = left.jog_stop
         self._file.write(json.dumps({
             "controller": self._file.controller, "moves": left.name, "since": left.since, "process": left.process,
@@ -67,8 +67,9 @@ class CustodyFile:
                 self.remove()
 
     def read(self) -> Optional[Found]:
-        """Return the content of the file; None where there is none that can be read."""
-        return self._file.read(_found)
+        """Return the content of the newest copy; None where there is none that can be read."""
+        copies = [found for found in self._file.read(_found) if found is not None]
+        return max(copies, key=lambda found: found.left.since) if copies else None
 
 
 class CustodyKeeper:

@@ -8,13 +8,12 @@ from jaka_ros_driver.client.runtime_file import RuntimeFile
 
 _LOG = logging.getLogger(__name__)
 
-_DAMAGED = ""
-
 
 def is_first_start(host: str, command_port: int, folders: Optional[List[str]] = None) -> bool:
     """Note that a driver of this controller starts; return whether it is the first one since the computer started.
 
-    False, too, where that is not known or cannot be noted: the next start would be taken for the first one.
+    False, too, where that is not known, as of a note that cannot be read, or cannot be noted: the next start would be
+    taken for the first one.
 
     Args:
         host: The controller's address.
@@ -24,17 +23,9 @@ def is_first_start(host: str, command_port: int, folders: Optional[List[str]] = 
     file = RuntimeFile("started", host, command_port, folders)
     try:
         now = boot()
-        noted = file.read(_boot_in)
-        if noted != now:
-            file.write(json.dumps({"controller": file.controller, "boot": now}))
+        noted = file.read(lambda text: str(json.loads(text)["boot"]))
+        file.write(json.dumps({"controller": file.controller, "boot": now}))
     except OSError as error:
         _LOG.warning("it cannot be noted that the driver of %s has started: %s", file.controller, error)
         return False
-    return noted not in (now, _DAMAGED)
-
-
-def _boot_in(text: str) -> str:
-    try:
-        return str(json.loads(text)["boot"])
-    except (ValueError, KeyError, TypeError):
-        return _DAMAGED
+    return now not in noted and None not in noted

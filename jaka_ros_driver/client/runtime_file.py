@@ -17,6 +17,8 @@ _LOG = logging.getLogger(__name__)
 
 _NAME = "jaka_ros_driver"
 _LONGEST_FILE = 4096
+_OF_SESSIONS = "/run/user/"
+"""Folders that logind removes when their user has logged out."""
 
 T = TypeVar("T")
 
@@ -36,7 +38,8 @@ class RuntimeFile:
             host: The controller's address.
             command_port: Its command port.
             folders: Folders for the file; the first usable one receives it. None for the private runtime folder
-                of the user, else a private one among temporary files.
+                of the user, else a private one among temporary files. Of a folder that goes when its user logs out,
+                while a driver of his goes on, the next one receives a copy.
         """
         try:
             address = min(addresses_of(host))
@@ -47,16 +50,19 @@ class RuntimeFile:
         self._folders = _runtime_folders() if folders is None else folders
 
     def write(self, text: str) -> None:
-        """Replace the file; raise OSError where that is not possible."""
-        trouble = OSError("there is no folder for it")
+        """Replace the file; raise OSError where no folder takes it."""
+        is_written, trouble = False, OSError("there is no folder for it")
         for folder in self._folders:
             try:
                 _make_private(folder)
                 _replace(os.path.join(folder, self._name), text)
-                return
+                is_written = True
+                if not folder.startswith(_OF_SESSIONS):
+                    break
             except OSError as error:
                 trouble = error
-        raise trouble
+        if not is_written:
+            raise trouble
 
     def remove(self) -> None:
         """Remove the file where there is one; raise OSError where that is not possible."""
@@ -64,18 +70,21 @@ class RuntimeFile:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
                 os.unlink(os.path.join(folder, self._name))
 
-    def read(self, content: Callable[[str], T]) -> Optional[T]:
-        """Return ``content`` of the text of the file; None where there is none that can be read and understood."""
+    def read(self, content: Callable[[str], T]) -> List[Optional[T]]:
+        """Return ``content`` of the text of each copy that is there; None for one that cannot be read or understood."""
+        found: List[Optional[T]] = []
         for folder in self._folders:
             path = os.path.join(folder, self._name)
             try:
+                os.lstat(path)
                 _require_private(folder)
-                return content(_text_of(path))
-            except FileNotFoundError:
+                found.append(content(_text_of(path)))
+            except (FileNotFoundError, NotADirectoryError):
                 continue
             except (OSError, ValueError, KeyError, TypeError) as error:
                 _LOG.warning("%s is not read: %s", path, error)
-        return None
+                found.append(None)
+        return found
 
 
 def _runtime_folders() -> List[str]:

@@ -2,7 +2,7 @@
 import functools
 import logging
 import sys
-from typing import Any, Callable, Optional
+from typing import Any, Callable, List, Optional
 
 import rosgraph.roslogging
 import rospy
@@ -68,14 +68,16 @@ class _Refused:
 
 
 def log_to_ros() -> Callable[[float], bool]:
-    """Begin to pass records on, after ``rospy.init_node``; screen and rosout each have a thread for theirs.
+    """Begin to pass records on, after ``rospy.init_node``; screen, rosout and log file each have a thread for theirs.
 
     Returns a function that waits for all records to be written, at most the given s; it returns False when some are
     left.
     """
-    rospy_logger = logging.getLogger(_ROSPY_LOGGER)
-    backgrounds = [Background(handler) for handler in rospy_logger.handlers]
-    rospy_logger.handlers = list(backgrounds)
+    backgrounds: List[Background] = []
+    for name in (_ROSPY_LOGGER, None):  # the log file is the root logger's
+        rospy_logger = logging.getLogger(name)
+        rospy_logger.handlers = [Background(handler) for handler in rospy_logger.handlers]
+        backgrounds += rospy_logger.handlers  # type: ignore[arg-type]
     if logging.lastResort is not None:  # the screen, for rospy's own warnings where there is no log file
         logging.lastResort = Background(logging.lastResort)
     logger = logging.getLogger(_PACKAGE)

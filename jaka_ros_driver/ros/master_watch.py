@@ -53,6 +53,8 @@ class MasterWatch:
                     self._on_new_master()
             except (OSError, XmlRpcError, rosgraph.MasterException) as error:
                 _LOG.debug("no answer of the ROS master: %s", error)
+            except Exception:  # an answer that is cut off, or of another program at its address
+                _LOG.warning("the ROS master's answer is not understood; it is asked again", exc_info=True)
             if self._closing.wait(self._period):
                 return
 

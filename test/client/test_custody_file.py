@@ -1,7 +1,9 @@
 """The custody file: its content, which files are believed, and a driver whose disk fails."""
+import dataclasses
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -10,6 +12,7 @@ import time
 import pytest
 from waiting import eventually
 
+from jaka_ros_driver.client import runtime_file
 from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
@@ -108,6 +111,20 @@ def test_where_the_first_folder_cannot_be_used_the_next_one_is(tmp_path):
     file = CustodyFile("127.0.0.1", 10001, [str(tmp_path / "not" / "there"), second])
     file.write(left_by(1))
     assert file.read().left.process == 1 and len(os.listdir(second)) == 1
+    file.remove()
+    assert file.read() is None
+
+
+def test_what_moves_is_known_after_a_log_out_and_the_newest_word_counts(tmp_path, monkeypatch):
+    of_session, of_computer = str(tmp_path / "session"), str(tmp_path / "computer")
+    monkeypatch.setattr(runtime_file, "_OF_SESSIONS", of_session)
+    CustodyFile("127.0.0.1", 10001, [of_computer]).write(dataclasses.replace(left_by(1), since=1.0))
+    file = CustodyFile("127.0.0.1", 10001, [of_session, of_computer])
+    CustodyFile("127.0.0.1", 10001, [of_session]).write(dataclasses.replace(left_by(2), since=2.0))
+    assert file.read().left.process == 2
+    file.write(dataclasses.replace(left_by(3), since=3.0))
+    shutil.rmtree(of_session)
+    assert file.read().left.process == 3
     file.remove()
     assert file.read() is None
 

@@ -40,8 +40,9 @@ def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, eviden
     assert "planted" in text or "escaped" in text
     assert "a motion is under way" in text and "joint_position" in text
     assert eventually(lambda: "its state is in %s" % evidence()[0] in caplog.text)
-    with pytest.raises(ConnectionLost):
-        arm.move(FAR)
+    for act in (lambda: arm.move(FAR), lambda: arm.servo_target(c.ServoJoint((0.0,) * 6))):
+        with pytest.raises(ConnectionLost):
+            act()
     assert one.requests("stop_program") >= 1
 
 

@@ -1,9 +1,10 @@
 """The first start of a driver since the computer was switched on: told once, and never where that is not certain."""
 import os
+import shutil
 
 import pytest
 
-from jaka_ros_driver.client import first_start
+from jaka_ros_driver.client import first_start, runtime_file
 from jaka_ros_driver.client.first_start import is_first_start
 
 
@@ -27,13 +28,49 @@ def test_another_start_of_the_computer_has_a_first_start_of_its_own(folder, monk
     assert [start(folder), start(folder)] == [True, False]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "\0" * 9000])
-def test_a_damaged_note_is_of_a_start_before(folder, text):
-    assert start(folder)
+def damage(folder, content):
     path, = (os.path.join(folder, name) for name in os.listdir(folder))
-    with open(path, "w") as file:
-        file.write(text)
+    with open(path, "wb") as file:
+        file.write(content)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b"\0" * 9000, b"\xff\xfe\0"])
+def test_a_damaged_note_is_of_a_start_before(folder, content):
+    assert start(folder)
+    damage(folder, content)
     assert [start(folder), start(folder)] == [False, False]
+
+
+def start_with(*folders):
+    return is_first_start("127.0.0.1", 10001, list(folders))
+
+
+@pytest.fixture
+def two(tmp_path, monkeypatch):
+    """Return a folder that goes when its user logs out, and one that stays."""
+    monkeypatch.setattr(runtime_file, "_OF_SESSIONS", str(tmp_path / "session"))
+    return str(tmp_path / "session"), str(tmp_path / "temporary")
+
+
+def test_a_log_out_makes_no_second_first_start(two):
+    of_session, of_computer = two
+    assert start_with(*two)
+    shutil.rmtree(of_session)
+    assert not start_with(*two) and not start_with(of_session)
+    shutil.rmtree(of_computer)
+    assert not start_with(*two) and not start_with(of_computer)
+
+
+def test_one_note_that_cannot_be_read_is_enough(two, monkeypatch):
+    first, second = two
+    assert start_with(first, second)
+    monkeypatch.setattr(first_start, "boot", lambda: "another boot")
+    os.chmod(first, 0o777)  # anybody can have changed it
+    assert not start_with(first, second)
+    monkeypatch.setattr(first_start, "boot", lambda: "a third boot")
+    os.chmod(first, 0o700)
+    damage(first, b"")
+    assert not start_with(first, second)
 
 
 def test_where_nothing_can_be_noted_no_start_is_the_first(folder, caplog, monkeypatch):
@@ -47,10 +84,3 @@ def test_where_nothing_can_be_noted_no_start_is_the_first(folder, caplog, monkey
     monkeypatch.setattr(first_start, "boot", unknown)
     os.chmod(folder, 0o700)
     assert not start(folder)
-
-
-def test_the_note_of_a_start_is_written_once(folder):
-    assert start(folder)
-    path, = (os.path.join(folder, name) for name in os.listdir(folder))
-    os.utime(path, (1.0, 1.0))
-    assert not start(folder) and os.stat(path).st_mtime == 1.0

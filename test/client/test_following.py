@@ -132,6 +132,22 @@ def test_a_stop_since_it_was_asked_for_ends_it_before_anything_is_sent(bench):
     assert caught.value.cause is StopCause.STOPPED and one.requests("servo_j") == 0
 
 
+def test_an_end_of_all_trajectories_ends_one_that_was_asked_for_before_and_no_other_motion(bench):
+    one = bench()
+    arm = one.connect()
+    asked_with = arm.stops
+    assert not arm.end_trajectories(), "none runs yet"
+    with pytest.raises(MotionInterrupted):
+        arm.follow(to(0.2, 0.8), LOOSE, asked_with)
+    assert one.requests("servo_j") == 0
+    goal = arm.follow(to(0.5, 6.0), LOOSE)
+    assert eventually(lambda: joint(arm) > 0.05)
+    assert arm.end_trajectories()
+    with pytest.raises(MotionInterrupted) as caught:
+        goal.result(20.0)
+    assert caught.value.cause is StopCause.CANCELLED and joint(arm) < 0.45
+
+
 def test_one_that_breaks_a_limit_is_refused_and_nothing_is_sent(bench):
     one = bench()
     arm = one.connect()

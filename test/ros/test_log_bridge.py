@@ -107,33 +107,36 @@ def bridge(monkeypatch):
     level, propagate, handlers = package.level, package.propagate, list(package.handlers)
     monkeypatch.setattr(logging, "lastResort", None)
 
-    def begin(*of_rospy):
+    def begin(*of_rospy, file=None):
+        """Begin; ``file``: the handler of rospy's log file, which is the root logger's."""
         monkeypatch.setattr(logging.getLogger("rosout"), "handlers", list(of_rospy))
+        monkeypatch.setattr(logging.getLogger(), "handlers", [] if file is None else [file])
         return log_to_ros()
     yield begin
     package.setLevel(level)
     package.propagate, package.handlers = propagate, handlers
 
 
-def test_a_record_is_on_the_screen_and_in_the_log_file_once(bridge, monkeypatch):
+def test_a_record_is_on_the_screen_and_in_the_log_file_once(bridge):
     screen, file = Kept(), Kept()
-    monkeypatch.setattr(logging.getLogger(), "handlers", [file])  # rospy's log file is a handler of the root logger
-    drain = bridge(screen)
+    drain = bridge(screen, file=file)
     logging.getLogger("jaka_ros_driver.ros.node").warning("the link is lost")
     assert drain(WAIT) and screen.texts == file.texts == ["the link is lost"]
 
 
-def test_a_drain_is_complete_when_every_handler_has_written(bridge):
+@pytest.mark.parametrize("where", ["screen or rosout", "log file"])
+def test_nobody_waits_for_a_handler_and_a_drain_is_complete_when_every_one_has_written(bridge, where):
     class Slow(logging.Handler):
         """A handler that writes only when the test lets it."""
 
         may_write = threading.Event()
 
         def emit(self, record):
+            assert threading.current_thread() is not threading.main_thread(), "the caller waits for the disk"
             self.may_write.wait(WAIT)
 
     slow = Slow()
-    drain = bridge(Kept(), slow)
+    drain = bridge(Kept(), slow) if where != "log file" else bridge(Kept(), file=slow)
     logging.getLogger("jaka_ros_driver.ros.node").warning("the link is lost")
     assert not drain(0.1)
     slow.may_write.set()

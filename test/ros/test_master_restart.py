@@ -1,7 +1,9 @@
 """A real roscore, killed and started again on the same port: the driver is found again, and old connections stay."""
 import contextlib
+import http.client
 import subprocess
 import threading
+from xml.parsers.expat import ExpatError
 
 import pytest
 import rosgraph
@@ -57,9 +59,12 @@ class Master:
     def __init__(self):
         self.services = {rospy.get_name() + "/get_loggers"}
         self.asked = threading.Semaphore(0)
+        self.defect = None
 
     def lookupService(self, name):
         self.asked.release()
+        if self.defect is not None:
+            raise self.defect
         if name not in self.services:
             raise rosgraph.MasterError("unknown service")
         return "rosrpc://127.0.0.1:1"
@@ -81,6 +86,17 @@ def watched(monkeypatch):
 def looked(master, times=3):
     for _ in range(times):
         assert master.asked.acquire(timeout=20.0)
+
+
+@pytest.mark.parametrize("defect", [ExpatError("no element found"), http.client.BadStatusLine("x"), TypeError("int"),
+                                    ConnectionResetError()])
+def test_an_answer_that_is_cut_off_or_of_another_program_does_not_end_the_watch(watched, defect):
+    master, registered, told = watched
+    master.defect = defect
+    looked(master)
+    assert not registered
+    master.services, master.defect = set(), None
+    assert eventually(lambda: told)
 
 
 def test_a_master_that_knows_the_node_is_left_alone_and_a_new_one_gets_everything(watched):

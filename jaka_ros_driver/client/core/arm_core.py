@@ -112,12 +112,12 @@ class ArmCore:
 
     @property
     def stops(self) -> int:
-        """The number of stops that were asked for."""
-        return self._stops.count
+        """The number of stops that were asked for, those of trajectories alone included."""
+        return self._stops.of_trajectories
 
     def require_no_stop_since(self, count: int) -> None:
         """Raise MotionInterrupted where a stop came since ``count`` was taken from ``stops``."""
-        self._stops.require_none_since(count)
+        self._stops.require_no_end_since(count)
 
     @property
     def is_free(self) -> bool:
@@ -437,6 +437,11 @@ class ArmCore:
         self.links.note_time(now)
         running = self._arm.running(Trajectory)
         return running is not None and running.cancel(call)
+
+    def end_trajectories(self, now: float) -> bool:
+        """Brake the running trajectory as ``cancel_trajectory``; none begins that was asked for before."""
+        self._stops.end_trajectories()
+        return self.cancel_trajectory(None, now)
 
     def stop(self, call: Token, now: float) -> None:
         """Stop all motion, queued motion and programs, and leave servo mode; answered with the controller's reply.

@@ -37,6 +37,7 @@ class Stops:
 
     Attributes:
         count: The number of stops that were asked for.
+        of_trajectories: The number of these, and of the ends of trajectories alone.
     """
 
     def __init__(self, actions: Actions, channel: CommandChannel, custody: Custody, links: Links, admission: Admission,
@@ -45,7 +46,7 @@ class Stops:
 
         carry_out: Runs a procedure, and passes its end on.
         """
-        self.count = 0
+        self.count = self.of_trajectories = 0
         self._actions = actions
         self._channel = channel
         self._custody = custody
@@ -73,8 +74,18 @@ class Stops:
         if self.count != count:
             raise MotionInterrupted(StopCause.STOPPED, "it was asked for before the stop")
 
+    def end_trajectories(self) -> None:
+        """Let no trajectory begin that was asked for before."""
+        self.of_trajectories += 1
+
+    def require_no_end_since(self, of_trajectories: int) -> None:
+        """Raise MotionInterrupted where a stop, or the end of all trajectories, came since the number was taken."""
+        if self.of_trajectories != of_trajectories:
+            raise MotionInterrupted(StopCause.STOPPED, "it was asked for before the stop")
+
     def _end_waiting(self) -> None:
         self.count += 1
+        self.of_trajectories += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
 
     def _stop(self, call: Token, now: float) -> None:

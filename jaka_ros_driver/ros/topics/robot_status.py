@@ -68,7 +68,7 @@ class RobotStatusPublisher(LoopTask):
         self._publisher = direct_publisher("~robot_status", self._type, _QUEUE)
         self._clock = StampClock(ros_clock())
         self._newest: Optional[Truth] = None
-        self._published_at = 0.0
+        self._published_at = self._looked_at = 0.0
 
     def start(self) -> None:
         """Begin to publish."""
@@ -77,13 +77,14 @@ class RobotStatusPublisher(LoopTask):
 
     def due(self) -> Optional[float]:
         """Return when to check whether the controller is silent, monotonic time, s; None while nobody subscribes."""
-        return self._published_at + _PERIOD_S if self._publisher.get_num_connections() else None
+        return max(self._published_at, self._looked_at) + _PERIOD_S if self._publisher.get_num_connections() else None
 
     def run(self, now: float) -> None:
         """Publish that nothing is known, unless there is a fresh state.
 
         A feed that is only slow is published with its next frame.
         """
+        self._looked_at = now
         try:
             self._arm.fresh_state()
         except ConnectionLost:

@@ -7,7 +7,6 @@ from concurrent.futures import TimeoutError as StillRunning
 from queue import SimpleQueue
 from typing import Any, Callable, Dict, Optional
 
-import rospy
 from actionlib.server_goal_handle import ServerGoalHandle
 
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -23,7 +22,9 @@ from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.services.server import CallCount
+from jaka_ros_driver.ros.topics.stamps import StampClock
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
+from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.points import TrajectoryOfThePast
 
 _LOG = logging.getLogger(__name__)
@@ -71,7 +72,7 @@ class TrajectoryAction:
     """The action server under one name."""
 
     def __init__(self, name: str, arm: ArmClient, decoder: TrajectoryDecoder, turns: TurnQueue,
-                 goals: CallCount, recorder: Recorder) -> None:
+                 goals: CallCount, recorder: Recorder, clock: StampClock) -> None:
         """Set up the server; ``offer`` begins.
 
         Args:
@@ -81,6 +82,7 @@ class TrajectoryAction:
             turns: Shared by all who send trajectories to this arm.
             goals: Counts those that have not ended.
             recorder: Records goals, cancels and results.
+            clock: For the stamps of the feedback; of this action alone.
         """
         self._recorder = recorder
         self._name = name
@@ -94,6 +96,7 @@ class TrajectoryAction:
         self._result_type = type(action().action_result.result)
         self._feedback_type = type(action().action_feedback.feedback)
         self._server: Optional[QuietActionServer] = None
+        self._clock = clock
 
     def offer(self) -> None:
         """Begin to take goals."""
@@ -152,11 +155,12 @@ class TrajectoryAction:
         with self._count.one():
             if done is None:
                 self._hold(handle)
+            told: Optional[RobotState] = None
             while done is not None:
                 try:
                     led = done.result(_FEEDBACK_PERIOD_S)
                 except StillRunning:
-                    self._publish_feedback(handle, done)
+                    told = self._publish_feedback(handle, done, told)
                     continue
                 except JakaError as error:
                     self._ended_with(handle, error)
@@ -178,12 +182,16 @@ class TrajectoryAction:
         else:
             self._end(handle, handle.set_aborted, PATH_TOLERANCE_VIOLATED, "the arm was not seen at rest")
 
-    def _publish_feedback(self, handle: ServerGoalHandle, done: "Future[str]") -> None:
+    def _publish_feedback(self, handle: ServerGoalHandle, done: "Future[str]",
+                          told: Optional[RobotState]) -> Optional[RobotState]:
+        """Publish the newest state, unless it is ``told``, the last that was; return the last that was then."""
         progress, state = self._arm.trajectory, self._arm.state
-        if progress is not None and progress.call is done and state is not None:
-            handle.publish_feedback(fill_states(
-                self._feedback_type(), self._decoder.joint_names, rospy.Time.now(), progress.desired,
-                (state.joint_position, state.joint_velocity), progress.time))
+        if progress is None or progress.call is not done or state is None or state is told:
+            return told
+        handle.publish_feedback(fill_states(
+            self._feedback_type(), self._decoder.joint_names, self._clock.stamp(state.received_at), progress.desired,
+            (state.joint_position, state.joint_velocity), progress.time))
+        return state
 
     def _ended_with(self, handle: ServerGoalHandle, error: JakaError) -> None:
         _LOG.info("%s: %s", self._name, error)

@@ -44,11 +44,12 @@ class TrajectoryInterface:
         self._has_industrial_names = config.industrial_names
         names = [self._controller + "/follow_joint_trajectory"]
         names += ["joint_trajectory_action"] if config.industrial_names else []
-        self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals, recorder)
-                         for name in names]
+        ros_time = ros_clock()
+        self._clock = StampClock(ros_time)
+        self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals, recorder,
+                                          StampClock(ros_time)) for name in names]
         self._states: List[rospy.Publisher[Any]] = []
         self._joint_velocity = joint_velocity
-        self._clock = StampClock(ros_clock())
         self._published_at = 0.0
         self._newest: Dict[str, JointTrajectoryMessage] = {}
         self._stop_service: Optional[ServiceServer] = None
@@ -97,7 +98,7 @@ class TrajectoryInterface:
             self._turns.put(lambda: self._follow(message, name, stops))
             return
         self._newest.clear()
-        self._arm.cancel_trajectory()
+        self._arm.end_trajectories()
 
     def _follow(self, message: JointTrajectoryMessage, name: str, stops: int) -> None:
         """Follow a trajectory of a topic; log a refusal or an early end, because a topic has no answer."""

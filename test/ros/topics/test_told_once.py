@@ -78,7 +78,7 @@ class Arm:
         self.followed.append((trajectory, stops))
         return Future()
 
-    def cancel_trajectory(self):
+    def end_trajectories(self):
         self.cancels += 1
 
     def stop(self):
@@ -201,6 +201,9 @@ def test_the_status_is_told_with_a_change_and_ten_times_a_second(ros):
     assert topic.messages[-1].e_stopped.val == 1 and publisher.due() is None
     topic.subscribers = 1
     assert publisher.due() == pytest.approx(51.101)
+    arm.fresh_state = lambda: state(received_at=51.001)
+    publisher.run(51.102)
+    assert publisher.due() == pytest.approx(51.202), "a loop that looks again at once is busy with nothing else"
 
 
 def test_the_number_of_a_fault_fits_its_field():

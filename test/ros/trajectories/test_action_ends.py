@@ -1,6 +1,8 @@
 """The ends of the action's goals, each with its code: an arm and goal handles of the tests' own, no ROS master."""
+import dataclasses
 import re
 import threading
+import time
 import types
 from concurrent.futures import Future
 
@@ -22,6 +24,7 @@ from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import made_type
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.services.server import CallCount
+from jaka_ros_driver.ros.topics.stamps import StampClock
 from jaka_ros_driver.ros.trajectories import action
 from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
@@ -109,7 +112,7 @@ def arm():
 def server(arm):
     decoder = TrajectoryDecoder(config_from({}), controller_params(config_from({}), None))
     return action.TrajectoryAction("controller/follow_joint_trajectory", arm, decoder, action.TurnQueue(), CallCount(),
-                                   Recorder(None))
+                                   Recorder(None), StampClock())
 
 
 def begun(server, arm, number=1):
@@ -212,11 +215,10 @@ def test_a_defect_in_one_goal_ends_it_and_does_not_keep_the_next_one_from_being_
     assert second.end()[0] == "succeeded"
 
 
-def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way(server, arm, monkeypatch):
-    monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time(5)))
+def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way(server, arm):
     handle = begun(server, arm)
     desired = JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6)
-    state = RobotState((0.4,) * 6, True, True, True, False, False, 100.0)
+    state = RobotState((0.4,) * 6, True, True, True, False, False, time.monotonic() - 0.4)
     arm.state, arm.trajectory = state, TrajectoryProgress(object(), 9.0, desired)
     assert not handle.ended.wait(0.2) and not handle.feedback, "another one is running"
     arm.trajectory = TrajectoryProgress(arm.goals[0], 1.5, desired)
@@ -224,6 +226,11 @@ def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way
     told = handle.feedback[0]
     assert told.desired.positions == (0.5,) * 6 and told.desired.time_from_start == rospy.Duration.from_sec(1.5)
     assert told.actual.positions == (0.4,) * 6 and told.error.positions == pytest.approx((0.1,) * 6)
+    assert time.time() - told.header.stamp.to_sec() >= 0.4, "as old as the state"
+    assert not handle.ended.wait(0.2) and len(handle.feedback) == 1, "no old state comes as a new one"
+    arm.state = dataclasses.replace(state, received_at=time.monotonic())
+    assert eventually(lambda: len(handle.feedback) == 2)
+    assert handle.feedback[1].header.stamp > told.header.stamp
     arm.goals[0].set_result(None)
     assert handle.end()[0] == "succeeded"
 

@@ -311,7 +311,7 @@ class _TrajectoryRequest(_MotionRequest):
         self._stops = stops
 
     def check(self, now: float) -> None:
-        self._arm.stops.require_none_since(self._stops)
+        self._arm.stops.require_no_end_since(self._stops)
         super().check(now)
 
 
