@@ -4,11 +4,38 @@ import json
 import threading
 from types import SimpleNamespace
 
+from jaka_panel.cell.contents import CellData, text_of
+from jaka_panel.pages import cell_desk
 from jaka_panel.pages.cell_desk import CellDesk
 
 ARM = "/jaka_driver"
 POINT = {"q": [0.1, 1, -1.5, 1.5, 1.5, 0.0]}
 CHANGE = {"section": "points", "arm": ARM, "name": "P1", "entry": POINT}
+
+
+def test_a_first_reading_that_takes_too_long_is_made_up_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(cell_desk, "_LIMIT_S", 0.3)
+    monkeypatch.setattr(cell_desk, "_LOOK_S", 0.05)
+    file, log = tmp_path / "cell.json", tmp_path / "cell.audit"
+
+    async def work():
+        told = []
+        desk = CellDesk(str(file), False, told.append)
+        read, released = desk._file._read, threading.Event()
+        desk._file._read = lambda: (released.wait(20.0), read())
+        following = asyncio.ensure_future(desk.follow_for_ever())
+        await asyncio.sleep(0.6)
+        released.set()
+        while not told or not any(path.stat().st_size for path in log.iterdir()):
+            await asyncio.sleep(0.01)
+        file.write_text(text_of(CellData(7, "2026-01-01T00:00:00Z", "an editor", {"points": {ARM: {"P1": POINT}}})))
+        while "P1" not in desk.told:
+            await asyncio.sleep(0.01)
+        assert told[-1]["revision"] == 7
+        following.cancel()
+        await desk.close()
+
+    asyncio.new_event_loop().run_until_complete(asyncio.wait_for(work(), 30.0))
 
 
 def test_a_disk_that_does_not_answer_holds_up_neither_the_loop_nor_the_other_pages(tmp_path):

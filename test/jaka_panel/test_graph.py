@@ -155,10 +155,13 @@ def test_files_of_the_page_are_those_below_its_folder(tmp_path):
 
 def test_a_stop_of_anybody_ends_a_list_also_while_its_path_is_sent():
     feed, cancelled = SimpleNamespace(stops=3), threading.Event()
-    watch = StopWatch(feed, cancelled)
+    has_control = [True]
+    watch = StopWatch(feed, cancelled, lambda: has_control[0])
     assert not watch.is_set()
     feed.stops = 4
-    assert watch.is_set()
-    watch = StopWatch(feed, cancelled)
+    assert watch.is_set() and watch.is_stopped
+    watch = StopWatch(feed, cancelled, lambda: has_control[0])
+    has_control[0] = False
+    assert watch.is_set() and not watch.is_stopped, "lost control ends it, too"
     cancelled.set()
-    assert watch.is_set()
+    assert watch.is_set() and watch.is_stopped

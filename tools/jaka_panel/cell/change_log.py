@@ -27,7 +27,9 @@ class ChangeLog:
         self._is_started = False
 
     def start(self, fields: Mapping[str, Any]) -> None:
-        """Begin the log with a line of what is there."""
+        """Begin the log with a line of what is there; called again, do nothing."""
+        if self._is_started:
+            return
         self._is_started = True
         self._log.start()
         self._log.write(START, fields, is_urgent=True)

@@ -59,18 +59,23 @@ def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str
 
 
 class StopWatch(threading.Event):
-    """The event of any stop since the begin: this panel's, or a call of somebody else to the driver.
+    """The event of any stop since the begin: this panel's, a call of somebody else to the driver, or lost control.
 
     A path that is sent when the arm was just stopped would begin after the stop.
     """
 
-    def __init__(self, feed: ArmFeed, cancelled: threading.Event) -> None:
+    def __init__(self, feed: ArmFeed, cancelled: threading.Event, may_go_on: Callable[[], bool]) -> None:
         super().__init__()
-        self._feed, self._cancelled, self._stops = feed, cancelled, feed.stops
+        self._feed, self._cancelled, self._may_go_on, self._stops = feed, cancelled, may_go_on, feed.stops
+
+    @property
+    def is_stopped(self) -> bool:
+        """True once the arm was stopped."""
+        return self._cancelled.is_set() or self._feed.stops != self._stops
 
     def is_set(self) -> bool:
-        """Return whether the arm was stopped."""
-        return self._cancelled.is_set() or self._feed.stops != self._stops
+        """Return whether what runs has to end."""
+        return self.is_stopped or not self._may_go_on()
 
 
 class ListRun:
@@ -87,7 +92,7 @@ class ListRun:
             cancelled: Set to end it; the arm brakes.
         """
         self._feed, self._may_go_on, self._cancelled = feed, may_go_on, cancelled
-        self._stopped = StopWatch(feed, cancelled)
+        self._stopped = StopWatch(feed, cancelled, may_go_on)
 
     def run(self, plan: ListPlan) -> CallResult:
         """Run a list from its begin to its end."""
@@ -124,7 +129,7 @@ class ListRun:
 
     def _ended(self) -> str:
         """Return what has ended the run; empty where it goes on."""
-        if self._stopped.is_set():
+        if self._stopped.is_stopped:
             return "the arm was stopped"
         if not self._may_go_on():
             return "the page has lost control"

@@ -2,13 +2,16 @@
 
 Poses of pages are x, y, z, m, and a rotation vector, rad.
 """
+import contextlib
 import json
 import math
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
+import threading
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
 
 import rospy
 import yaml
 from roslib import message as roslib_message
+from rospy.exceptions import ROSInternalException
 
 from ..record.hand_outputs import Key
 from .arms import Driver
@@ -44,21 +47,52 @@ class Request(NamedTuple):
         timeout: Longest wait for the answer, s.
         needs_control: True if only the page in control may make it.
         is_motion: True if it moves the arm, which is stopped when its page goes away.
+        begins: True if it lets the arm move: it is not sent after a stop that came later than it.
     """
 
     perform: Callable[[Driver, Mapping[str, Any]], CallResult]
     timeout: float = SHORT_S
     needs_control: bool = True
     is_motion: bool = False
+    begins: bool = False
+
+
+_here = threading.local()
+
+
+@contextlib.contextmanager
+def sent_unless(why_not: Callable[[], str]) -> Iterator[None]:
+    """Let the calls that this thread makes in the block be sent only where ``why_not`` returns an empty text.
+
+    It is called directly before a request is sent: the master and the connection may have taken their time, and a stop,
+    which waits for neither, may have overtaken it.
+    """
+    _here.why_not = why_not
+    try:
+        yield
+    finally:
+        del _here.why_not
+
+
+def _guarded(kind: Any) -> Any:
+    """Return the class of requests that are packed, which is directly before they are sent, only where they may be."""
+    class GuardedRequest(kind):  # type: ignore[misc]
+        def serialize(self, buff: Any) -> None:
+            why = _here.why_not()
+            if why:
+                raise WrongRequest(why)
+            super().serialize(buff)
+    return GuardedRequest
 
 
 def _call(driver: Driver, name: str, kind: str, /, **fields: Any) -> Any:
     service = roslib_message.get_service_class(kind)
     if service is None:
         raise WrongRequest("the service type %s is not installed" % kind)
+    kind_of_request = _guarded(service._request_class) if hasattr(_here, "why_not") else service._request_class
     try:
-        return rospy.ServiceProxy("%s/%s" % (driver.node, name), service)(**fields)
-    except rospy.ServiceException as error:
+        return rospy.ServiceProxy("%s/%s" % (driver.node, name), service)(kind_of_request(**fields))
+    except (rospy.ServiceException, rospy.ROSException, ROSInternalException, OverflowError) as error:
         raise WrongRequest("%s/%s: %s" % (driver.node, name, error)) from error
 
 
@@ -257,14 +291,18 @@ REQUESTS: Dict[str, Request] = {
     "power": Request(_switch("power"), LONG_S), "enable": Request(_switch("enable"), LONG_S),
     "drag": Request(_switch("drag_mode")), "recover": Request(_trigger("recover"), LONG_S),
     "clear_err": Request(_clear_err), "pause": Request(_trigger("pause")),
-    "resume": Request(_trigger("resume"), is_motion=True), "zero_force": Request(_trigger("zero_ftsensor")),
+    "resume": Request(_trigger("resume"), is_motion=True, begins=True),
+    "zero_force": Request(_trigger("zero_ftsensor")),
     "speed": Request(_speed), "set_output": Request(_set_output), "get_io": Request(_get_io, needs_control=False),
     "tool_frame": Request(_tool_frame), "user_frame": Request(_user_frame), "payload": Request(_payload),
     "collision": Request(_collision), "settings": Request(_settings, needs_control=False),
-    "joint_move": Request(_joint_move, MOTION_S, is_motion=True),
-    "linear_move": Request(_linear_move, MOTION_S, is_motion=True), "fk": Request(_fk, needs_control=False),
-    "ik": Request(_ik, needs_control=False), "program_load": Request(_program_load),
+    "joint_move": Request(_joint_move, MOTION_S, is_motion=True, begins=True),
+    "linear_move": Request(_linear_move, MOTION_S, is_motion=True, begins=True),
+    "fk": Request(_fk, needs_control=False), "ik": Request(_ik, needs_control=False),
+    "program_load": Request(_program_load),
     "zones": Request(_zones, needs_control=False),
-    "program_play": Request(_trigger("program/play")), "program_pause": Request(_trigger("program/pause")),
-    "program_resume": Request(_trigger("program/resume")), "program_stop": Request(_trigger("program/stop"))}
+    "program_play": Request(_trigger("program/play"), begins=True),
+    "program_pause": Request(_trigger("program/pause")),
+    "program_resume": Request(_trigger("program/resume"), begins=True),
+    "program_stop": Request(_trigger("program/stop"))}
 """Requests by the name that pages use."""

@@ -1,5 +1,7 @@
 """The commands of pages besides jog and stop: the driver's services, plans, the simulation's operator port."""
+import contextlib
 import functools
+import logging
 import threading
 import time
 from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
@@ -7,7 +9,18 @@ from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
 from ..cell.contents import SECTIONS, WrongCell
 from ..graph import motion_lists, trajectories
 from ..graph.calls import Calls, NoAnswer, TooManyCalls
-from ..graph.requests import BANKS, MOTION_S, REQUESTS, CallResult, WrongRequest, number, text, whole
+from ..graph.requests import (
+    BANKS,
+    MOTION_S,
+    REQUESTS,
+    SHORT_S,
+    CallResult,
+    WrongRequest,
+    number,
+    sent_unless,
+    text,
+    whole,
+)
 from ..plans.motion_list import ListPlan
 from ..plans.plan_store import LOG_TIMEOUT_S
 from ..plans.point_plan import WrongPlan, plan_of_points
@@ -17,6 +30,7 @@ from .cell_desk import CellDesk
 from .hub import Hub
 from .session import Session
 
+_LOG = logging.getLogger(__name__)
 _SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
 _SLOWEST_JOG = 0.01
 _TOO_COSTLY = "too many requests that are costly to answer"
@@ -53,16 +67,32 @@ async def answer_to(hub: Hub, page: Session, message: Args) -> CallResult:
         return outcome
     except (WrongRequest, WrongPlan, WrongCell, NoAnswer, TooManyCalls, OSError) as error:
         return CallResult(False, str(error))
+    except Exception as error:  # whatever it was, the page waits for an answer
+        _LOG.exception("a command of a page failed")
+        return CallResult(False, "it failed within the panel: %r" % error)
 
 
 async def _service(name: str, hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:
     request = REQUESTS[name]
+    stopped = threading.Event()
+
+    def why_not() -> str:
+        if stopped.is_set() or hub.is_closing:
+            return "nothing was sent: the arm was stopped before this began"
+        return "" if hub.control.holder == page.id else "nothing was sent: the page has lost control"
+
+    def perform() -> CallResult:
+        with sent_unless(why_not) if request.begins else contextlib.nullcontext():
+            return request.perform(desk.driver, args)
+
     if request.is_motion:
         page.begins_motion(desk.driver.node, time.monotonic())
+    desk.cancels.add(stopped)
     try:
-        outcome: CallResult = await hub.calls.run(lambda: request.perform(desk.driver, args), request.timeout)
+        outcome: CallResult = await hub.calls.run(perform, request.timeout)
         return outcome
     finally:
+        desk.cancels.discard(stopped)
         if request.is_motion:
             page.ends_motion(desk.driver.node, time.monotonic())
 
@@ -148,7 +178,9 @@ async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallR
 
 
 async def _logs(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> CallResult:
-    return CallResult(True, "", {"logs": hub.logs.entries()})
+    if not page.costly.spend(time.monotonic()):
+        return CallResult(False, _TOO_COSTLY)
+    return CallResult(True, "", {"logs": await hub.calls.run(hub.logs.entries, SHORT_S)})
 
 
 async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> CallResult:

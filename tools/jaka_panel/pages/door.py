@@ -94,6 +94,7 @@ class Door:
             task = self._loop.create_task(self._admit(link))
             self._entering[task] = None
             task.add_done_callback(lambda done: self._entering.pop(done, None))
+            await asyncio.sleep(0)  # where more connections wait, sock_accept does not let anybody else run
 
     async def _admit(self, link: socket.socket) -> None:
         """Pass a connection to who serves it; one that asks nothing in time, or too much, is closed."""

@@ -96,6 +96,7 @@ class Hub:
         places: The places for pages.
         visitors_costly: Rate limiter of visitors' messages whose answers are costly.
         arms_told: The newest message ``arms``, JSON.
+        is_closing: True once the panel ends: stops are served, and nothing begins.
     """
 
     def __init__(self, settings: Settings, finder: ArmFinder) -> None:
@@ -117,6 +118,8 @@ class Hub:
         self._loop: Optional[asyncio.AbstractEventLoop] = None
         self._pages = itertools.count(1)
         self._tasks: Set[asyncio.Task[Any]] = set()
+        self._stopping: Set[asyncio.Task[Any]] = set()
+        self.is_closing = False
         self._jog_timer: Optional[asyncio.TimerHandle] = None
 
     # ---- begin and end ----
@@ -155,11 +158,13 @@ class Hub:
             _LOG.error("a task failed", exc_info=task.exception())
 
     async def close(self) -> None:
-        """End every jog, stop what pages have set in motion, release the drivers."""
+        """Begin nothing more, end every jog, stop what pages have set in motion, release the drivers."""
+        self.is_closing = True
         self.jog.end("the panel ends")
-        await asyncio.gather(*(self._stop_motions(page) for page in list(self.pages.values())), return_exceptions=True)
-        for page in list(self.pages.values()):
-            await page.end(1001, "the panel ends")
+        pages = list(self.pages.values())
+        await asyncio.gather(*(self._stop_motions(page) for page in pages), return_exceptions=True)
+        await asyncio.gather(*(page.end(1001, "the panel ends") for page in pages), return_exceptions=True)
+        await asyncio.gather(*self._stopping, return_exceptions=True)
         for task in list(self._tasks):
             task.cancel()
         for desk in self.arms.values():
@@ -194,14 +199,16 @@ class Hub:
         before = self.control.holder
         if self.control.leave(page.id):
             self._control_changed(before)
-        self.spawn(self._stop_motions(page))
+        task = self.spawn(self._stop_motions(page))
+        self._stopping.add(task)
+        task.add_done_callback(self._stopping.discard)
 
     async def _stop_motions(self, page: Session) -> None:
-        for arm in page.motions():
-            desk = self.arms.get(arm)
-            if desk is not None:
-                desk.feed.note("warning", "the page that moved the arm has gone: stopped")
-                await self.stop(arm)
+        arms = [arm for arm in page.motions() if arm in self.arms]
+        errors = await asyncio.gather(*(self.stop(arm) for arm in arms), return_exceptions=True)
+        for arm, error in zip(arms, errors):
+            self.arms[arm].feed.note("error" if error else "warning", "the page that moved the arm has gone: %s" % (
+                "its stop is NOT confirmed: %s" % error if error else "stopped"))
 
     def tell(self, page: str, message: Dict[str, Any]) -> None:
         """Send a message to one page; drop it if the page has gone."""

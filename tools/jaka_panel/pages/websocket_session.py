@@ -121,7 +121,7 @@ class WebSocketSession:
     def _jog(self, message: Message) -> None:
         page, hub = self._page, self._hub
         hold = message.get("hold")
-        if hub.control.holder != page.id or not page.may_command:
+        if hub.control.holder != page.id or not page.may_command or hub.is_closing:
             if hold != self._is_refused_jog:  # once for each press
                 self._is_refused_jog = hold if type(hold) is int else -1
                 self._error("no_control" if page.may_command else "no_token", "only a page that has control jogs")
@@ -185,7 +185,9 @@ class WebSocketSession:
     def _may_command(self, message: Mapping[str, Any]) -> bool:
         if not self._page.may_command:
             self._answer(message, False, "this panel is read-only" if self._page.has_token else "this needs the token")
-        return self._page.may_command
+        elif self._hub.is_closing:
+            self._answer(message, False, "the panel ends")
+        return self._page.may_command and not self._hub.is_closing
 
     def _answer(self, message: Mapping[str, Any], ok: bool, text: str, **further: Any) -> None:
         self._page.send({"t": "answer", "id": message.get("id"), "ok": ok, "message": text, **further})
