@@ -42,9 +42,6 @@ _LONGEST_WAIT_S = 0.02
 """Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones."""
 _REST_TIMEOUT_S = 1.0
 """Longest time, s, that ``close`` waits for the arm to come to rest."""
-_LAST_STOPS = 3
-_LAST_STOP_PERIOD_S = 0.1
-"""Period, s, of the ``_LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
 
 StateListener = Callable[[RobotState, bool], None]
 CustodyListener = Callable[[NotifyGuard], None]
@@ -71,9 +68,8 @@ class ArmClient:
         self._custody_file = custody_file
         self._keeper = CustodyKeeper(custody_file) if custody_file is not None else None
         self._core = ArmCore(settings, model)
-        self._transport = Transport(settings.host, {Port.COMMAND: settings.command_port,
-                                                    Port.STATUS: settings.status_port}, settings.connect_timeout,
-                                    settings.reply_timeout)
+        ports = {Port.COMMAND: settings.command_port, Port.STATUS: settings.status_port}
+        self._transport = Transport(settings.host, ports, settings.connect_timeout, settings.reply_timeout)
         self._lock = threading.Lock()
         self._wakes_at = math.inf
         self._listeners: List[StateListener] = []
@@ -397,8 +393,7 @@ class ArmClient:
             InvalidCommand, ConnectionLost: The arm cannot be moved now; nothing was sent.
             MotionInterrupted: A stop came after it was asked for; nothing was sent.
         """
-        asked_with = self.stops if stops is None else stops
-        lead = lead_of(trajectory)
+        asked_with, lead = self.stops if stops is None else stops, lead_of(trajectory)
         while True:
             done = self._try_to_follow(trajectory, tolerances, asked_with, lead)
             error = done.exception() if done.done() else None
@@ -545,11 +540,9 @@ class ArmClient:
             self._has_failed = self._is_closed = True
             stop = fail_stop.last_stop(self._core)
             self._transport.send(stop)
-        _LOG.critical("the driver's core has failed, the arm is stopped", exc_info=defect)
-        path = fail_stop.write_evidence(self._core, defect)
-        _LOG.critical("its state is in %s", path or "no file: none could be written")
-        for _ in range(_LAST_STOPS - 1):
-            time.sleep(_LAST_STOP_PERIOD_S)
+        fail_stop.report(self._core, defect)
+        for _ in range(fail_stop.LAST_STOPS - 1):
+            time.sleep(fail_stop.LAST_STOP_PERIOD_S)
             with self._lock:
                 self._transport.send(stop)
         with self._lock:

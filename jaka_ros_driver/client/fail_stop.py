@@ -3,6 +3,7 @@
 The stop goes out first, made without the core's help; then the evidence goes to a file. Nothing here raises.
 """
 import contextlib
+import logging
 import os
 import tempfile
 import time
@@ -14,6 +15,12 @@ from jaka_ros_driver.commands import JogStop, whole_stop
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
 
+_LOG = logging.getLogger(__name__)
+
+LAST_STOPS = 3
+LAST_STOP_PERIOD_S = 0.1
+"""Period, s, of the ``LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
+
 
 def last_stop(core: ArmCore) -> bytes:
     """Encode the stop for whatever motion the core had; empty where no confirmed link can carry it."""
@@ -24,6 +31,13 @@ def last_stop(core: ArmCore) -> bytes:
         motion = core.custody.motion
         jog = None if motion is None else motion.halt()
     return b"".join([encode_object(codec.encode(command)) for command in whole_stop(jog)])
+
+
+def report(core: ArmCore, defect: Exception) -> None:
+    """Log that the core has failed and was stopped, with the defect, and where the evidence is."""
+    _LOG.critical("the driver's core has failed, the arm is stopped", exc_info=defect)
+    path = write_evidence(core, defect)
+    _LOG.critical("its state is in %s", path or "no file: none could be written")
 
 
 def write_evidence(core: ArmCore, error: BaseException, folder: str = "") -> Optional[str]:

@@ -16,7 +16,7 @@ def controller(tmp_path):
 
 @pytest.fixture
 def ctrl_c():
-    """Ctrl-C as Python begins with it: rospy's handler stays in a process that has been a node."""
+    """Take Ctrl-C as a new Python does: rospy's handler stays in a process that has been a node."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
