@@ -1,17 +1,42 @@
 """Output that appears only when whole: written beside its name, renamed on success, removed on failure."""
 import contextlib
 import fcntl
+import itertools
 import os
 import shutil
 from pathlib import Path
-from typing import BinaryIO, Optional, Set, Type, Union
+from typing import BinaryIO, Callable, Iterator, Optional, Set, Type, Union
 
 from .errors import BagError, OutputExists
 from .interrupts import put_off
-from .paths import PathLike
+from .paths import PathLike, is_same_file
 
 _unfinished: "Set[Union[OutputFile, OutputFolder]]" = set()
 os.register_at_fork(after_in_child=_unfinished.clear)  # what the parent writes is the parent's
+_sources: Set[str] = set()
+"""Absolute paths of what this process reads."""
+
+
+def note_source(path: PathLike) -> None:
+    """Note a file or folder that this process reads: no output is written in its place while it is unfinished.
+
+    A working file that a killed program left is taken over; but it may just be what somebody recovers from.
+    """
+    _sources.add(os.path.abspath(str(path)))
+
+
+def _is_read(path: Path) -> bool:
+    """Return whether this process reads it, by any name, or something in it."""
+    return path.exists() and any(is_same_file(place, path) for source in list(_sources)
+                                 for place in (Path(source), *Path(os.path.realpath(source)).parents))
+
+
+def _working_names(path: Path, suffix: str) -> Iterator[Path]:
+    """Yield names for what is being written: ``NAME.part``, then ``NAME.2.part`` and so on; none that is a source."""
+    for number in itertools.count(1):
+        name = path.with_name("%s%s%s" % (path.name, "" if number == 1 else ".%d" % number, suffix))
+        if not name.is_symlink() and not _is_read(name):  # no program leaves a link behind
+            yield name
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:
@@ -34,7 +59,7 @@ class OutputFile:
     """A binary file written as ``NAME + suffix`` and renamed to ``NAME`` by ``commit``.
 
     The working file is locked while it is written: one left behind by a killed program is taken over, one
-    that another program is writing is refused.
+    that another program is writing is refused. One that this process reads is left alone, the name gets a number then.
 
     Args:
         path: The final name.
@@ -57,7 +82,7 @@ class OutputFile:
         self.path = Path(path)
         self.overwrite = overwrite
         check_output(self.path, overwrite)
-        self.working_path = self.path.with_name(self.path.name + suffix)
+        self.working_path = next(_working_names(self.path, suffix))
         with put_off():  # an interruption between creation and note would leave the file behind
             self._create(keep_leftover)
             if not keep_leftover:
@@ -134,8 +159,11 @@ class OutputFile:
 class OutputFolder:
     """A folder of outputs written as ``NAME.part`` and renamed to ``NAME`` by ``commit``; locked as ``OutputFile`` is.
 
+    A folder of the working name is emptied and taken over where all that is in it can be what a killed program left.
+
     Args:
         path: The final name.
+        is_leftover: Returns whether a killed program may have left a file of this name in it.
 
     Attributes:
         path: The final name.
@@ -146,21 +174,32 @@ class OutputFolder:
         BagError: The folder cannot be created there.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, is_leftover: Callable[[str], bool]) -> None:
         self.path = path
-        self.working_path = path.with_name(path.name + ".part")
+        self._is_leftover = is_leftover
         with put_off():  # as in OutputFile
-            try:
-                self.working_path.mkdir(exist_ok=True)
-                self._descriptor = os.open(str(self.working_path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            except OSError as error:
-                raise BagError("cannot write %s: %s" % (self.working_path, error.strerror)) from error
-            try:
-                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                os.close(self._descriptor)
-                raise OutputExists("%s is being written by another program" % self.working_path) from None
+            self.working_path = next(filter(self._take, _working_names(path, ".part")))
             _unfinished.add(self)
+
+    def _take(self, name: Path) -> bool:
+        """Make a folder and lock it, and empty one that a killed program left; False where it is somebody else's."""
+        try:
+            name.mkdir(exist_ok=True)
+            self._descriptor = os.open(str(name), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except OSError as error:
+            raise BagError("cannot write %s: %s" % (name, error.strerror)) from error
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._descriptor)
+            raise OutputExists("%s is being written by another program" % name) from None
+        found = list(name.iterdir())
+        if not all(file.is_file() and self._is_leftover(file.name) for file in found):
+            os.close(self._descriptor)
+            return False
+        for file in found:
+            file.unlink()
+        return True
 
     def commit(self) -> None:
         """Give the folder its final name; a folder that has it is replaced.

@@ -6,6 +6,7 @@ import traceback
 from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 
 from ..errors import BagError, BagFormatError
+from ..output_file import note_source
 from ..paths import PathLike
 from .index import (
     CodecTotals,
@@ -234,6 +235,7 @@ def open_log(path: PathLike) -> "LogReader":
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
+    note_source(path)
     if is_rosbag2(path):
         folder: LogReader = load(ROSBAG2_READER)(path)
         return folder
@@ -257,6 +259,7 @@ def open_damaged(path: PathLike) -> Iterator["LogRecovery"]:
         BagFormatError: It is of no known format, or encrypted.
         BagError: It cannot be opened.
     """
+    note_source(path)
     if is_folder_of_messages(path):
         yield load(ROSBAG2_RECOVERY)(path)
         return

@@ -54,12 +54,13 @@ class Rosbag2Writer(McapWriter):
         self.folder = Path(os.path.abspath(str(folder)))
         self._overwrite = overwrite
         self._check_target()
-        self._output_folder = OutputFolder(self.folder)
+        name = self.folder.name + ".mcap"
+        self._output_folder = OutputFolder(self.folder, lambda left: left in (name, name + ".part"))
         self._converters: Dict[int, CdrConverter] = {}
         self._channel_of: Dict[Connection, int] = {}
         self._topics: Dict[int, Dict[str, str]] = {}
         try:
-            super().__init__(self._output_folder.working_path / (self.folder.name + ".mcap"), compression, level,
+            super().__init__(self._output_folder.working_path / name, compression, level,
                              overwrite=True, profile="ros2")
         except BaseException:
             self._output_folder.abort()

@@ -1,5 +1,4 @@
 """The conversion of one file as one job, and the functions by which merge, split and recover write as well."""
-import os
 import time
 from pathlib import Path
 from typing import (
@@ -32,6 +31,7 @@ from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
 from ..messages.selection import MessageFilter, Selection, TimeSpan, require_match
+from ..paths import PathLike, is_same_file
 from ..pipeline import WORKERS, in_order
 
 _MAX_PIECE = 4 << 20
@@ -102,13 +102,9 @@ class WriteResult(NamedTuple):
         return dict(self._asdict(), notes=list(self.notes), error=self.error or None)
 
 
-def refuse_same_file(source: object, target: object) -> None:
+def refuse_same_file(source: PathLike, target: PathLike) -> None:
     """Refuse, by ``BagError``, a target that is the source under any name."""
-    try:
-        is_same = os.path.samefile(str(source), str(target))
-    except OSError:
-        return
-    if is_same:
+    if is_same_file(source, target):
         raise BagError("%s is input and output" % source)
 
 

@@ -22,6 +22,7 @@ from ..output_file import OutputFile, check_output
 from ..paths import PathLike
 from ..units import NS_PER_S
 from .columns import ColumnReader
+from .convert import refuse_same_file
 from .parquet import ParquetTable
 
 FORMATS = (".csv", ".npz", ".parquet")
@@ -192,6 +193,7 @@ def export(reader: LogReader, target: PathLike, selection: Optional[Selection] =
         raise BagError("%s has none of the topics" % reader.path)
     with contextlib.ExitStack() as outputs:
         if path.suffix == ".npz":
+            refuse_same_file(reader.path, path)
             names = unique_names(topics, _archive_name)
             archive = outputs.enter_context(zipfile.ZipFile(
                 outputs.enter_context(OutputFile(path, overwrite)).file, "w", zipfile.ZIP_DEFLATED))
@@ -213,6 +215,7 @@ def _export_files(reader: LogReader, path: Path, topics: Sequence[str], overwrit
         files, notes = {topics[0]: path}, ()
     for file in files.values():
         check_output(file, overwrite)
+        refuse_same_file(reader.path, file)
 
     def write(topic: str) -> Tuple[str, int]:
         with OutputFile(files[topic], overwrite) as output:

@@ -11,7 +11,7 @@ from ..containers.contract import LogReader
 from ..containers.registry import create_log, open_log
 from ..errors import BagError, UsageError
 from ..messages.selection import MessageFilter, Selection
-from ..output_file import OutputFile, check_output
+from ..output_file import OutputFile, check_output, note_source
 from ..paths import PathLike
 from ..pipeline import WORKERS
 from .convert import OnProgress, WriteResult, copy_log, refuse_same_file, size_of
@@ -59,6 +59,8 @@ def attach(source: PathLike, target: PathLike, files: Sequence[NewAttachment],
     """
     begin = time.monotonic()
     refuse_same_file(source, target)
+    for file in files:
+        note_source(file.path)
     with open_log(source) as reader:
         index = reader.index
         taken = {entry.name for entry in index.attachments}
@@ -131,6 +133,7 @@ def extract(reader: LogReader, folder: PathLike, names: Sequence[str] = (), over
         taken[name] = taken.get(name, 0) + 1
         path = base / name if taken[name] == 1 else base / ("%d_%s" % (taken[name], name))
         check_output(path, overwrite)
+        refuse_same_file(reader.path, path)
         with OutputFile(path, overwrite) as output:
             output.write(content)
         written.append((str(path), len(content)))
