@@ -31,12 +31,35 @@ def _is_read(path: Path) -> bool:
                                  for place in (Path(source), *Path(os.path.realpath(source)).parents))
 
 
-def _working_names(path: Path, suffix: str) -> Iterator[Path]:
-    """Yield names for what is being written: ``NAME.part``, then ``NAME.2.part`` and so on; none that is a source."""
+def _names_beside(path: Path, suffix: str) -> Iterator[Path]:
+    """Yield ``NAME.part``, ``NAME.2.part`` and so on, for the suffix ``.part``."""
     for number in itertools.count(1):
-        name = path.with_name("%s%s%s" % (path.name, "" if number == 1 else ".%d" % number, suffix))
-        if not name.is_symlink() and not _is_read(name):  # no program leaves a link behind
-            yield name
+        yield path.with_name("%s%s%s" % (path.name, "" if number == 1 else ".%d" % number, suffix))
+
+
+def _working_names(path: Path, suffix: str) -> Iterator[Path]:
+    """Return the names beside it but those of sources, and of links, which no program leaves behind."""
+    return (name for name in _names_beside(path, suffix) if not name.is_symlink() and not _is_read(name))
+
+
+def _lock(descriptor: int, name: Path) -> bool:
+    """Lock what was opened by this name; False where it has another name by now, or none, and was closed.
+
+    Between the opening and the lock another program may finish it, or give up.
+
+    Raises:
+        OutputExists: Another program is writing it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise OutputExists("%s is being written by another program" % name) from None
+    with contextlib.suppress(OSError):
+        if os.path.samestat(os.fstat(descriptor), os.stat(str(name))):
+            return True
+    os.close(descriptor)
+    return False
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:
@@ -89,22 +112,22 @@ class OutputFile:
                 _unfinished.add(self)
 
     def _create(self, keep_leftover: bool) -> None:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if keep_leftover else 0)
+        descriptor = self._open(keep_leftover)
+        while not _lock(descriptor, self.working_path):
+            descriptor = self._open(keep_leftover)
+        self.file: BinaryIO = os.fdopen(descriptor, "r+b", buffering=0)
+        self.file.truncate(0)
+        self._is_finished = False
+
+    def _open(self, keep_leftover: bool) -> int:
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_EXCL if keep_leftover else 0)
         try:
-            descriptor = os.open(str(self.working_path), flags, 0o666)
+            return os.open(str(self.working_path), flags, 0o666)
         except FileExistsError:
             raise OutputExists("%s exists: a recording that was cut off; recover or remove it"
                                % self.working_path) from None
         except OSError as error:
             raise BagError("cannot write %s: %s" % (self.working_path, error.strerror)) from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.ftruncate(descriptor, 0)
-        except OSError:
-            os.close(descriptor)
-            raise OutputExists("%s is being written by another program" % self.working_path) from None
-        self.file: BinaryIO = os.fdopen(descriptor, "r+b", buffering=0)
-        self._is_finished = False
 
     def write(self, data: Union[bytes, bytearray, memoryview]) -> None:
         """Write all of ``data`` at the end.
@@ -183,16 +206,9 @@ class OutputFolder:
 
     def _take(self, name: Path) -> bool:
         """Make a folder and lock it, and empty one that a killed program left; False where it is somebody else's."""
-        try:
-            name.mkdir(exist_ok=True)
-            self._descriptor = os.open(str(name), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        except OSError as error:
-            raise BagError("cannot write %s: %s" % (name, error.strerror)) from error
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(self._descriptor)
-            raise OutputExists("%s is being written by another program" % name) from None
+        self._descriptor = self._open(name)
+        while not _lock(self._descriptor, name):
+            self._descriptor = self._open(name)
         found = list(name.iterdir())
         if not all(file.is_file() and self._is_leftover(file.name) for file in found):
             os.close(self._descriptor)
@@ -201,19 +217,38 @@ class OutputFolder:
             file.unlink()
         return True
 
+    def _open(self, name: Path) -> int:
+        while True:
+            try:
+                name.mkdir(exist_ok=True)
+                with contextlib.suppress(FileNotFoundError):  # renamed or removed since
+                    return os.open(str(name), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | os.O_NOFOLLOW)
+            except OSError as error:
+                raise BagError("cannot write %s: %s" % (name, error.strerror)) from error
+
     def commit(self) -> None:
         """Give the folder its final name; a folder that has it is replaced.
 
         Raises:
-            OSError: The system refused; the working folder stays.
+            OSError: The system refused; the working folder stays, and the one that has its name.
         """
-        aside = self.path.with_name(self.path.name + ".old")
+        aside = next(name for name in _names_beside(self.path, ".old") if not os.path.lexists(str(name)))
         with put_off():
-            self._finish()
-            if self.path.exists():
-                os.rename(str(self.path), str(aside))
-            os.rename(str(self.working_path), str(self.path))
-            if aside.exists():
+            try:
+                is_replaced = os.path.lexists(str(self.path))
+                if is_replaced:
+                    os.rename(str(self.path), str(aside))
+                try:
+                    os.rename(str(self.working_path), str(self.path))
+                except OSError:
+                    if is_replaced:
+                        os.rename(str(aside), str(self.path))
+                    raise
+            finally:
+                self._finish()
+            if is_replaced and aside.is_symlink():
+                aside.unlink()
+            elif is_replaced:
                 shutil.rmtree(str(aside))
 
     def abort(self) -> None:
