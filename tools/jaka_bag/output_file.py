@@ -5,7 +5,7 @@ import itertools
 import os
 import shutil
 from pathlib import Path
-from typing import BinaryIO, Callable, Iterator, Optional, Set, Type, Union
+from typing import BinaryIO, Callable, Iterator, List, Optional, Sequence, Set, Tuple, Type, Union
 
 from .errors import BagError, OutputExists
 from .interrupts import put_off
@@ -250,6 +250,38 @@ class OutputFolder:
                 aside.unlink()
             elif is_replaced:
                 shutil.rmtree(str(aside))
+
+    def commit_files(self, names: Sequence[str], obsolete: Sequence[str] = (), overwrite: bool = False) -> None:
+        """Move files out of the working folder to beside it, all or none, and remove it.
+
+        Args:
+            names: Names of the files.
+            obsolete: Files beside it that the new ones replace, too.
+            overwrite: Replace files of these names.
+
+        Raises:
+            OutputExists: A name is taken and ``overwrite`` is False; the working folder stays.
+            BagError: A name is that of a folder; the working folder stays.
+            OSError: The system refused; the working folder stays, and all old files are where they were.
+        """
+        new = [(self.working_path / name, self.path.with_name(name)) for name in names]
+        old = [(self.path.with_name(name), self.working_path / ("old." + name)) for name in (*names, *obsolete)]
+        moved: List[Tuple[Path, Path]] = []
+        with put_off():
+            for _, target in new:
+                check_output(target, overwrite)
+            try:
+                for source, target in [*((path, aside) for path, aside in old if os.path.lexists(str(path))), *new]:
+                    os.rename(str(source), str(target))
+                    moved.append((source, target))
+            except OSError:
+                try:
+                    for source, target in reversed(moved):
+                        os.rename(str(target), str(source))
+                except OSError:
+                    self._finish()  # what could not be moved back is not removed
+                raise
+            self.abort()
 
     def abort(self) -> None:
         """Remove the working folder with all that is in it, unless it is finished."""

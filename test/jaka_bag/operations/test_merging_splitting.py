@@ -1,5 +1,7 @@
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 from log_samples import MODEL, START_NS, STATES, Sample, in_order, model, read, state_log, write
@@ -132,6 +134,88 @@ def test_a_failed_split_leaves_no_parts(tmp_path, monkeypatch):
     assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "part_2.bag"]
     with pytest.raises(BagError, match="where to split"):
         split(source, tmp_path / "part.bag", SplitLimits())
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def fail_at_the_end(monkeypatch):
+    def fail(function):
+        def late(*args):
+            if args[-1].name.endswith("_2.bag"):
+                raise OSError("no space")
+            return function(*args)
+        return late
+
+    monkeypatch.setattr(BagWriter, "_finish", fail(BagWriter._finish))
+
+
+def refuse_the_last_name(monkeypatch):
+    rename = os.rename
+
+    def refuse(source, target):
+        if os.path.basename(str(target)) == "part_2.bag" and os.path.dirname(str(source)).endswith(".part"):
+            monkeypatch.setattr(os, "rename", rename)
+            raise OSError("refused")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", refuse)
+
+
+@pytest.mark.parametrize("spoil", [fail_at_the_end, refuse_the_last_name])
+def test_a_failed_split_leaves_the_old_parts(tmp_path, monkeypatch, spoil):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    split(source, tmp_path / "part.bag", SplitLimits(messages=300))
+    before = contents(tmp_path)
+    spoil(monkeypatch)
+    with pytest.raises(OSError, match="no space|refused"):
+        split(source, tmp_path / "part.bag", SplitLimits(messages=100), overwrite=True)
+    assert contents(tmp_path) == before and len(before) > 3
+
+
+def test_a_folder_with_the_name_of_a_part_costs_no_old_one(tmp_path):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    split(source, tmp_path / "part.bag", SplitLimits(messages=1000))
+    (tmp_path / "part_2.bag").mkdir()
+    before = (tmp_path / "part_0.bag").read_bytes()
+    with pytest.raises(BagError, match="is a folder"):
+        split(source, tmp_path / "part.bag", SplitLimits(messages=100), overwrite=True)
+    assert (tmp_path / "part_0.bag").read_bytes() == before
+    assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "part_0.bag", "part_1.bag", "part_2.bag"]
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("call", [0, 1, 2])
+@pytest.mark.parametrize("function", ["replace", "rename"])
+def test_an_interruption_beside_a_name_leaves_all_parts_or_none(tmp_path, function, call, name):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    code = ("import os, signal, sys\n"
+            "from jaka_bag.cli.main import main\n"
+            "real, calls = os.%s, []\n"
+            "def interrupted(*args):\n"
+            "    real(*args)\n"
+            "    calls.append(args)\n"
+            "    if len(calls) == %d:\n"
+            "        os.kill(os.getpid(), signal.%s)\n"
+            "os.%s = interrupted\n"
+            "sys.exit(main(['split', %r, '--count', '200', '-q']))")
+    done = subprocess.run([sys.executable, "-c", code % (function, call + 1, name, function, str(source))],
+                          stderr=subprocess.PIPE)
+    assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n" and done.returncode == 1
+    parts = sorted(set(os.listdir(str(tmp_path))) - {"log.bag"})
+    assert not parts or sum((read(tmp_path / part) for part in parts), []) == in_order(SAMPLES)
+
+
+@pytest.mark.parametrize("old", ["r_1.mcap", "r_2.mcap"])
+def test_a_source_that_is_called_as_a_part_is_kept(tmp_path, old):
+    source = write(tmp_path / old, SAMPLES)
+    (tmp_path / "r_0.mcap").write_bytes(b"old")
+    (tmp_path / "r_1.mcap").touch()
+    before = contents(tmp_path)
+    with pytest.raises(BagError, match="is input and output"):
+        split(source, tmp_path / "r.mcap", SplitLimits(messages=len(SAMPLES) // 2 + 1), overwrite=True)
+    assert contents(tmp_path) == before
 
 
 def test_the_programs(tmp_path, capsys):

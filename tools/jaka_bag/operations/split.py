@@ -12,9 +12,9 @@ from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError
 from ..messages.batch import Array, MessageBatch, pieces_of
 from ..messages.selection import Selection
-from ..output_file import check_output
+from ..output_file import OutputFolder, check_output
 from ..paths import PathLike
-from .convert import LossNotes, OnProgress, add_channels, copy_extras
+from .convert import LossNotes, OnProgress, add_channels, copy_extras, refuse_same_file
 
 _FINEST = 64
 """Pieces that a part limited by size is at least made of."""
@@ -42,54 +42,67 @@ class SplitResult(NamedTuple):
 
 
 class _Parts:
-    """The parts written so far and the one being written."""
+    """The parts written so far and the one being written: in a folder of their own, until all of them are whole."""
 
-    def __init__(self, stem: Path, compression: Optional[str], level: Optional[int], overwrite: bool,
-                 profile: str) -> None:
+    def __init__(self, source: PathLike, stem: Path, compression: Optional[str], level: Optional[int],
+                 overwrite: bool, profile: str) -> None:
+        self._source = source
         self._stem = stem
-        self._settings = (compression, level, overwrite, profile)
+        self._overwrite = overwrite
+        self._settings = (compression, level, False, profile)
+        self._pattern = re.compile(r"%s_([0-9]{1,6})%s" % (re.escape(stem.stem), re.escape(stem.suffix)))
         self.done: List[Tuple[str, int]] = []
         self.writer: Optional[LogWriter] = None
         self.begin_time = 0
+        self._check(0)
+        self._folder = OutputFolder(stem.with_name(stem.name + ".split"), lambda left: bool(
+            self._pattern.fullmatch(left[:-len(".part")] if left.endswith(".part") else left)))
 
     def path(self, number: int) -> Path:
         return self._stem.with_name("%s_%d%s" % (self._stem.stem, number, self._stem.suffix))
 
+    def _check(self, number: int) -> Path:
+        path = self.path(number)
+        check_output(path, self._overwrite)
+        refuse_same_file(self._source, path)
+        return path
+
     def begin(self, time: int) -> LogWriter:
-        compression, level, overwrite, profile = self._settings
-        self.writer = create_log(self.path(len(self.done)), compression, level, overwrite, profile)
+        path = self._check(len(self.done))
+        self.writer = create_log(self._folder.working_path / path.name, *self._settings)
+        self.writer.name = str(path)
         self.begin_time = time
         return self.writer
 
     def finish(self) -> None:
         if self.writer is not None:
-            path = str(self.path(len(self.done)))
             self.writer.close()
-            self.done.append((path, self.writer.message_count))
+            self.done.append((self.writer.name, self.writer.message_count))
             self.writer = None
 
-    def remove_old(self) -> None:
-        """Remove the parts of an earlier split that go on where the new ones end: they would double messages."""
-        number = len(self.done)
-        while self.path(number).is_file():
-            os.unlink(str(self.path(number)))
-            number += 1
+    def commit(self) -> None:
+        """Give all parts their names.
+
+        The parts of an earlier split that go on where the new ones end are removed: they would double messages.
+        """
+        obsolete: List[str] = []
+        while self._overwrite and self.path(len(self.done) + len(obsolete)).is_file():
+            obsolete.append(self._check(len(self.done) + len(obsolete)).name)
+        self._folder.commit_files([Path(path).name for path, _ in self.done], obsolete, self._overwrite)
 
     def strangers(self) -> Tuple[str, ...]:
         """Return a line for each other file that is named like a part."""
-        stem, suffix = self._stem.stem, self._stem.suffix
-        pattern = re.compile(r"%s_([0-9]{1,6})%s" % (re.escape(stem), re.escape(suffix)))
-        found = [(int(match.group(1)), match.group()) for match in map(pattern.fullmatch, os.listdir(
+        found = [(int(match.group(1)), match.group()) for match in map(self._pattern.fullmatch, os.listdir(
             str(self._stem.parent))) if match]
-        return tuple("%s is no part of this split: merging %s_*%s would take it, too" % (name, stem, suffix)
+        return tuple("%s is no part of this split: merging %s_*%s would take it, too"
+                     % (name, self._stem.stem, self._stem.suffix)
                      for number, name in sorted(found) if number >= len(self.done))
 
     def discard(self) -> None:
         """Remove what was written: a set with parts missing would look whole."""
         if self.writer is not None:
             self.writer.abort()
-        for path, _ in self.done:
-            os.unlink(path)
+        self._folder.abort()
 
 
 def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: SplitLimits) -> int:
@@ -142,8 +155,7 @@ def split(source: PathLike, stem: PathLike, limits: SplitLimits, compression: Op
     if limits == SplitLimits():
         raise BagError("nothing says where to split")
     with open_log(source) as reader:
-        parts = _Parts(Path(stem), compression, level, overwrite, reader.index.profile or "ros1")
-        check_output(parts.path(0), overwrite)
+        parts = _Parts(source, Path(stem), compression, level, overwrite, reader.index.profile or "ros1")
         latched = _Latched(np.array([bool(c.latching) for c in reader.connections], bool))
         losses: Optional[LossNotes] = None
         ids = np.zeros(1, np.int64)
@@ -178,8 +190,7 @@ def split(source: PathLike, stem: PathLike, limits: SplitLimits, compression: Op
             if not parts.done and parts.writer is None and (reader.index.attachments or reader.index.metadata):
                 begin(0)
             parts.finish()
-            if overwrite:
-                parts.remove_old()
+            parts.commit()
         except BaseException:
             parts.discard()
             raise
