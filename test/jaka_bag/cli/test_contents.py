@@ -161,6 +161,16 @@ def test_attachments_and_metadata_go_in_and_come_out(tmp_path, capsys):
     assert "did you mean notes.txt?" in call(capsys, "extract", two, "note.txt", code=2).err
 
 
+@pytest.mark.parametrize("force", [[], ["-f"]])
+def test_attachments_of_one_name_are_all_written(tmp_path, capsys, force):
+    with McapWriter(tmp_path / "run.mcap") as writer:
+        for number, name in enumerate(["a", "a", "2_a", "2_a", "a"]):
+            writer.add_attachment(name, b"%d" % number)
+    call(capsys, "extract", tmp_path / "run.mcap", "-o", tmp_path / "out", *force)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == {
+        "a": b"0", "2_a": b"1", "2_2_a": b"2", "3_2_a": b"3", "3_a": b"4"}
+
+
 @pytest.mark.parametrize("words, reason", [
     (["attach", "run.mcap", "-o", "o.mcap"], "nothing to attach"),
     (["attach", "run.mcap", "-o", "o.mcap", "--metadata", "a", "b"], "'b' is not KEY=VALUE"),

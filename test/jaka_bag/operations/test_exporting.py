@@ -92,6 +92,24 @@ def test_parquet_is_read_by_pyarrow(tmp_path):
     assert table.schema.field("header.stamp").type == pa.timestamp("ns", "UTC")
 
 
+@pytest.mark.parametrize("fields", [("log_time", "log_time_"), ("log_time_", "log_time")])
+def test_a_field_that_is_called_log_time_has_a_column_of_its_own(tmp_path, fields, recwarn):
+    kind = connection("/odd", "a/Odd", "".join("float64 %s\n" % field for field in fields))
+    path = write(tmp_path / "odd.bag", [Sample(kind, START_NS, struct.pack("<dd", 1.5, 2.5))])
+    values = {"log_time": START_NS, **dict(zip(fields, (1.5, 2.5)))}
+    names = dict(zip(fields, ("log_time_", "log_time__")))
+    for suffix in (".csv", ".npz", ".parquet"):
+        exported(path, tmp_path / ("odd" + suffix))
+    (row,) = rows_of(tmp_path / "odd.csv")
+    assert row == {"log_time": "%d.%09d" % divmod(START_NS, 10**9), **{names[f]: str(values[f]) for f in fields}}
+    with np.load(str(tmp_path / "odd.npz")) as arrays:
+        assert {name: arrays[name].tolist() for name in arrays.files} == {
+            "odd/log_time": [START_NS], **{"odd/" + names[f]: [values[f]] for f in fields}}
+    table = pytest.importorskip("pyarrow.parquet").read_table(str(tmp_path / "odd.parquet"))
+    assert {names[f]: table[names[f]].to_pylist() for f in fields} == {names[f]: [values[f]] for f in fields}
+    assert table["log_time"].cast("int64").to_pylist() == [START_NS] and not recwarn.list
+
+
 def test_rows_are_in_the_order_of_time_whatever_their_layout(tmp_path):
     samples = [joints(i, START_NS + (i * 7919) % 500, [float(i)] * (i % 3)) for i in range(200)]
     exported(write(tmp_path / "log.bag", samples, chunk_size=600), tmp_path / "log.csv")

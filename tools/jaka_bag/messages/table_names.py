@@ -1,4 +1,4 @@
-"""Names of topics where a topic's own name is not allowed: files, members of archives, views in SQL."""
+"""Names for topics and fields where their own are not allowed: of files, members of archives, views in SQL, columns."""
 import re
 from typing import Callable, Dict, Iterable, Tuple
 
@@ -21,6 +21,19 @@ def unique_names(topics: Iterable[str], plain: Callable[[str], str] = plain_name
             name, number = "%s_%d" % (plain(topic), number), number + 1
         taken.add(name.lower())
         names[topic] = name
+    return names
+
+
+def column_names(fields: Iterable[str], own: Iterable[str] = ("log_time",)) -> Dict[str, str]:
+    """Return the name of a column for each field: with a ``_`` more where the table, or an earlier field, has it."""
+    names: Dict[str, str] = {}
+    taken = set(own)
+    for field in fields:
+        name = field
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        names[field] = name
     return names
 
 

@@ -17,7 +17,7 @@ from ..messages.batch import Array
 from ..messages.columns import leaf_values
 from ..messages.layout import Layout, Leaf, is_bytes
 from ..messages.selection import MessageFilter, Selection
-from ..messages.table_names import meetings, unique_names
+from ..messages.table_names import column_names, meetings, unique_names
 from ..output_file import OutputFile, check_output
 from ..paths import PathLike
 from ..units import NS_PER_S
@@ -92,7 +92,9 @@ def _write_csv(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
     stream = io.TextIOWrapper(io.BufferedWriter(cast(io.RawIOBase, output.file), 1 << 20), encoding="utf-8", newline="")
     writer = csv.writer(stream)
     header = ["log_time"]
-    for name, (leaf, width) in widths.items():
+    names = column_names(widths)
+    for field, (leaf, width) in widths.items():
+        name = names[field]
         header += ["%s[%d]" % (name, i) for i in range(width)] if leaf.is_array and not is_bytes(leaf) else [name]
     writer.writerow(header)
     count = 0
@@ -129,7 +131,9 @@ def _add_topic(archive: zipfile.ZipFile, reader: LogReader, topic: str, base: st
     if columns is None:
         return 0
     _add_array(archive, base + "/log_time", columns.log_time)
-    for name, values in columns.fields.items():
+    names = column_names(columns.fields)
+    for field, values in columns.fields.items():
+        name = names[field]
         if values.dtype == object:
             _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
             values = np.concatenate(list(values))
@@ -174,7 +178,7 @@ def export(reader: LogReader, target: PathLike, selection: Optional[Selection] =
     Args:
         reader: The log.
         target: .csv, .npz or .parquet by suffix. NPZ holds all topics; of the others each topic has its own file,
-            ``STEM_topic.SUFFIX`` where there are several.
+            ``STEM_topic.SUFFIX`` where there are several. A field that is called ``log_time`` gets a ``_`` appended.
         selection: Wanted topics.
         overwrite: Replace existing files.
 

@@ -5,7 +5,7 @@ import os
 import re
 import time
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from ..containers.contract import LogReader
 from ..containers.registry import create_log, open_log
@@ -128,10 +128,13 @@ def extract(reader: LogReader, folder: PathLike, names: Sequence[str] = (), over
     except OSError as error:
         raise BagError("cannot make the folder %s: %s" % (base, error.strerror)) from error
     written: List[Tuple[str, int]] = []
-    taken: Dict[str, int] = {}
-    for name, content in contents_of(reader, names):
-        taken[name] = taken.get(name, 0) + 1
-        path = base / name if taken[name] == 1 else base / ("%d_%s" % (taken[name], name))
+    taken: Set[str] = set()
+    for plain, content in contents_of(reader, names):
+        name, number = plain, 2
+        while name in taken:
+            name, number = "%d_%s" % (number, plain), number + 1
+        taken.add(name)
+        path = base / name
         check_output(path, overwrite)
         refuse_same_file(reader.path, path)
         with OutputFile(path, overwrite) as output:

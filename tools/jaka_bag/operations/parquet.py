@@ -11,6 +11,7 @@ from ..errors import MissingDependency
 from ..messages.batch import Array
 from ..messages.columns import Columns
 from ..messages.layout import Leaf, is_bytes
+from ..messages.table_names import column_names
 
 _ROW_GROUP_BYTES = 8 << 20
 
@@ -107,8 +108,9 @@ class ParquetTable:
         made: Dict[str, Any] = {name: pa.repeat(pa.scalar(value, pa.string()), len(columns.log_time))
                                 for name, value in self._constants.items()}
         made["log_time"] = pa.array(columns.log_time, pa.timestamp("ns", "UTC"))
+        names = column_names(columns.fields, list(made))
         for name, values in columns.fields.items():
-            made[name + "_" if name in made else name] = _arrow_column(pa, leaf(name), values)
+            made[names[name]] = _arrow_column(pa, leaf(name), values)
         table = pa.table(made)
         self.count += len(columns.log_time)
         self._waiting.append(table)
