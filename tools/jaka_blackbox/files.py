@@ -1,7 +1,8 @@
 """The files of a black box in their folder: names, limits, unfinished files of a killed one."""
+import contextlib
 import time
 from pathlib import Path
-from typing import Callable, List, NamedTuple
+from typing import Callable, List, NamedTuple, Tuple
 
 from jaka_bag.live.rolling_files import WORKING_SUFFIX
 
@@ -27,9 +28,14 @@ def new_stem(folder: Path, kind: str) -> Path:
     return folder / name
 
 
-def finished_files(folder: Path) -> List[Path]:
-    """Return the finished files in a folder, oldest first."""
-    return sorted(folder.glob(PREFIX + "*" + SUFFIX), key=lambda path: (path.stat().st_mtime_ns, path.name))
+def finished_files(folder: Path) -> List[Tuple[Path, int]]:
+    """Return the finished files in a folder, oldest first, with their bytes; one may be moved away at any moment."""
+    found = []
+    for path in folder.glob(PREFIX + "*" + SUFFIX):
+        with contextlib.suppress(FileNotFoundError):
+            status = path.stat()
+            found.append((status.st_mtime_ns, path.name, path, status.st_size))
+    return [(path, size) for _, _, path, size in sorted(found)]
 
 
 def cut_off_files(folder: Path) -> List[Path]:
@@ -40,12 +46,10 @@ def cut_off_files(folder: Path) -> List[Path]:
 def remove_old(folder: Path, keep: Keep, notice: Callable[[str], None]) -> None:
     """Remove the oldest finished files, with their signatures, that are more than is to be kept; never the newest."""
     files = finished_files(folder)
-    sizes = [path.stat().st_size for path in files]
-    while len(files) > 1 and ((keep.files and len(files) > keep.files) or (keep.size and sum(sizes) > keep.size)):
-        oldest = files.pop(0)
-        sizes.pop(0)
-        signature = oldest.with_name(oldest.name + SIGNATURE_SUFFIX)
-        oldest.unlink()
-        if signature.exists():
-            signature.unlink()
-        notice("removed %s" % oldest)
+    while len(files) > 1 and ((keep.files and len(files) > keep.files)
+                              or (keep.size and sum(size for _, size in files) > keep.size)):
+        oldest, _ = files.pop(0)
+        with contextlib.suppress(FileNotFoundError):
+            oldest.unlink()
+            notice("removed %s" % oldest)
+            oldest.with_name(oldest.name + SIGNATURE_SUFFIX).unlink()

@@ -239,7 +239,7 @@ class BlackBox:
     def _open(self) -> bool:
         try:
             self._files = self._open_file(self._stem, self._losses)
-        except BagError as error:
+        except (BagError, OSError) as error:
             self.failures += 1
             self._notice("error: %s" % error)
             self._files = None
@@ -264,7 +264,7 @@ class BlackBox:
         files = self._files
         try:
             work()
-        except BagError as error:
+        except (BagError, OSError) as error:
             self._notice("error: %s" % error)
             self.failures += 1
             if files is not None:
@@ -278,7 +278,7 @@ class BlackBox:
         try:
             try:
                 self._before_end(files)
-            except BagError as error:
+            except (BagError, OSError) as error:
                 self._notice("error: %s" % error)
             files.close()
             self.finished += files.finished

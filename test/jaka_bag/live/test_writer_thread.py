@@ -1,4 +1,5 @@
 """The way from messages to files without a network: buffer, limit, simulated time, failures."""
+import contextlib
 import struct
 import threading
 from collections import namedtuple
@@ -182,3 +183,70 @@ def test_files_are_numbered_where_they_are_split():
     settings = FileSettings(Path("a/log"), "bag", is_split=True)
     assert [str(settings.path(n)) for n in (0, 11)] == ["a/log_0.bag", "a/log_11.bag"]
     assert str(FileSettings(Path("v1.2/my.log")).path(0)) == "v1.2/my.log.mcap"
+
+
+def rolling(folder, **settings):
+    """Return a bench whose recording begins a new file at each second of log time, and keeps two."""
+    bench = Bench(folder, FileSettings(folder / "log", compression="none", fsync_s=0.0, split_s=1.0, is_split=True,
+                                       max_splits=2, **settings))
+    bench.recorder.start()
+    return bench, bench.recorder.open_stream(string_connection("/b"), "http://n/")
+
+
+def take_and_wait(bench, stream, seconds):
+    bench.recorder.take(stream, seconds * S, b"x")
+    waiting.wait_until(lambda: bench.stopped or stream.written == seconds, "it is taken over")
+
+
+def test_a_finished_file_that_was_moved_away_ends_no_recording(tmp_path):
+    bench, stream = rolling(tmp_path)
+    for seconds in (1, 2, 3, 4):
+        if (tmp_path / "log_0.mcap").exists():
+            (tmp_path / "log_0.mcap").rename(tmp_path / "mine.mcap")
+        take_and_wait(bench, stream, seconds)
+    bench.recorder.finish()
+    assert (stream.received, stream.written, stream.unwritten) == (4, 4, 0) and not bench.stopped
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log_2.mcap", "log_3.mcap", "mine.mcap"]
+    assert len(bench.log("mine.mcap")) == 1
+
+
+def test_a_finished_file_that_cannot_be_removed_is_said(tmp_path, monkeypatch):
+    bench, stream = rolling(tmp_path)
+
+    def refuse(path):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    for seconds in (1, 2, 3):
+        take_and_wait(bench, stream, seconds)
+    bench.recorder.finish()
+    assert (stream.written, stream.unwritten) == (3, 0) and not bench.stopped
+    assert any("log_0.mcap" in line and "not permitted" in line for line in bench.said), bench.said
+    assert bench.recorder.finished_paths[-1] == str(tmp_path / "log_2.mcap")
+
+
+@pytest.mark.parametrize("owner, method, error", [
+    (RollingFiles, "_open", OSError(5, "Input/output error")), (RollingFiles, "_check_space", OSError(5, "no")),
+    (McapWriter, "add_channel", BagError("no")), (McapWriter, "_write", OSError(5, "no")),
+    (McapWriter, "encode", BagError("a time is out of range")), (McapWriter, "encode", ValueError("no")),
+    (McapWriter, "append", WriteFailed("log", OSError(5, "no")))], ids=str)
+def test_each_message_is_in_one_count_whatever_goes_wrong(tmp_path, monkeypatch, owner, method, error):
+    bench, stream = rolling(tmp_path, repeat_latched=True, chunk_bytes=4)
+    stream.connection = stream.connection._replace(latching="1")
+    take_and_wait(bench, stream, 1)
+
+    def refuse(*arguments, **options):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, method, refuse)
+        for seconds in (2, 3):
+            bench.recorder.take(stream, seconds * S, b"x" * seconds)
+        waiting.wait_until(lambda: bench.stopped or stream.written + stream.unwritten == 3, "it is over")
+    with contextlib.suppress(type(error)):
+        bench.recorder.finish()
+    names = [path.name for path in tmp_path.iterdir()]
+    assert stream.received == stream.written + stream.unwritten + stream.overflowed == 3
+    assert bench.recorder.messages == stream.written
+    kept = [entry for name in names if name.endswith(".mcap") for entry in bench.log(name)]
+    assert len({entry[1:] for entry in kept}) <= stream.written, (kept, stream.written)

@@ -11,6 +11,7 @@ import platform
 import signal
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional, Protocol
 
@@ -246,8 +247,10 @@ class LogRecording:
             master.close()
             try:
                 self._session.run(functools.partial(self._connect, where, companion), self.writer.is_simulated_time)
-            except JakaBagError as error:
+            except Exception as error:  # what was recorded before is signed and told of
                 self.failure = error
+                if not isinstance(error, (JakaBagError, OSError)):
+                    traceback.print_exc()
             finally:
                 if companion is not None:
                     companion.close()
@@ -283,7 +286,12 @@ class LogRecording:
     def sign(self) -> None:
         """Sign the finished files where that is asked for."""
         for path in self.writer.finished_paths if self.key is not None else ():
-            self.console.say("signed: %s" % sign(path, self.key))
+            try:
+                self.console.say("signed: %s" % sign(path, self.key))
+            except (JakaBagError, OSError) as error:  # somebody may have moved it away
+                if self.failure is not None:
+                    self.console.always("error: %s" % error)
+                self.failure = self.failure or error
 
     def account(self) -> int:
         """Print files, counts and all that was lost, write them to the file of ``--report``; return the exit code."""

@@ -133,7 +133,7 @@ class RollingFiles:
             self._attached = list(self._attachments)
             for item in self._attached:
                 self.add_attachment(item)
-        except BagError:
+        except Exception:
             writer.abort()
             self._writer = None
             raise
@@ -151,11 +151,13 @@ class RollingFiles:
         """
         try:
             self._make_ready(log_time, len(payload))
-        except BagError:
+            self._number(stream)
+        except Exception:
             stream.unwritten += 1
             raise
         self.messages += 1
         stream.written += 1
+        self._chunk_streams[stream] = self._chunk_streams.get(stream, 0) + 1
         self._put(stream, log_time, publish_time, payload, sequence)
         if stream.connection.latching:
             stream.latched = (payload, publish_time)
@@ -178,16 +180,19 @@ class RollingFiles:
         self._largest_chunk = max(self._largest_chunk, writer.position - begin)
         self._chunk_done()
 
+    def _number(self, stream: PublisherStream) -> None:
+        """Have the stream numbered in the file that is being written."""
+        if stream.channel_file != self._file_number:
+            assert self._writer is not None
+            stream.channel = self._writer.add_channel(stream.connection)
+            stream.channel_file = self._file_number
+
     def _put(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes,
              sequence: Optional[int] = None) -> None:
         writer = self._writer
         assert writer is not None
         if self._chunk_born is None:
             self._chunk_born = time.monotonic()
-        if stream.channel_file != self._file_number:
-            stream.channel = writer.add_channel(stream.connection)
-            stream.channel_file = self._file_number
-        self._chunk_streams[stream] = self._chunk_streams.get(stream, 0) + 1
         number = stream.position if sequence is None else sequence
         writer.add_message(stream.channel, log_time, payload, publish_time, number & 0xFFFFFFFF)
         if not writer.pending_bytes:
@@ -215,16 +220,25 @@ class RollingFiles:
     def _split(self, log_time: int) -> None:
         self.close()
         if self.settings.max_splits and len(self.finished) >= self.settings.max_splits:
-            oldest = self.finished.pop(0)
-            oldest.unlink()
-            self._notice("removed %s" % oldest)
+            self._remove(self.finished.pop(0))
         self._open()
         self._begin_time = log_time
         if self.settings.repeat_latched:
             for stream in self._streams():
                 if stream.latched is not None:
+                    self._number(stream)
                     payload, publish_time = stream.latched
                     self._put(stream, log_time, publish_time, payload)
+
+    def _remove(self, path: Path) -> None:
+        try:
+            path.unlink()
+        except FileNotFoundError:  # somebody has moved it away: it is theirs
+            return
+        except OSError as error:
+            self._notice("cannot remove %s: %s" % (path, error.strerror))
+            return
+        self._notice("removed %s" % path)
 
     def tick(self) -> None:
         """Close an old chunk, force what is due to the disk, look at the room left; to be called often.
@@ -290,7 +304,7 @@ class RollingFiles:
             raise DiskFull("%s is at the largest size that this process may write" % self.settings.stem)
 
     def lose_chunk(self) -> None:
-        """Count the messages of the last chunk as unwritten, where the system refused it."""
+        """Count the messages of the last chunk as unwritten, where it could not be written."""
         if self._writer is not None and self._writer.pending_messages:
             return
         for stream, count in self._chunk_streams.items():
@@ -310,9 +324,9 @@ class RollingFiles:
             return
         try:
             self._flush(writer)
-        except WriteFailed as error:
+        except Exception as error:  # the file before this chunk is whole
             self.lose_chunk()
-            self._notice(str(error))
+            self._notice("a chunk could not be written: %s" % error)
         for item in [item for item in self._attachments if item not in self._attached]:
             self.add_attachment(item)
         self.add_metadata(DROPS, drops_as_metadata(self._drops()))

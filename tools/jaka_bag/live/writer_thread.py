@@ -5,7 +5,6 @@ import threading
 from pathlib import Path
 from typing import Callable, Deque, Dict, List, Optional, Protocol, Set, Tuple
 
-from ..errors import BagError, WriteFailed
 from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .stream_account import PublisherStream
@@ -38,7 +37,7 @@ class MessageFiles(Protocol):
         """Do what is due; called often."""
 
     def lose_chunk(self) -> None:
-        """Count the messages of a chunk that the system refused as unwritten."""
+        """Count the messages of a chunk that could not be written as unwritten; where there is none do nothing."""
 
     def close(self) -> None:
         """Finish what is being written."""
@@ -200,8 +199,7 @@ class WriterThread:
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        if isinstance(error, WriteFailed):
-            self._files.lose_chunk()
+        self._files.lose_chunk()
         self._on_stop(str(error))
         self._ending.wait()
         while self._queue:
@@ -210,7 +208,7 @@ class WriterThread:
     def _close_files(self) -> None:
         try:
             self._files.close()
-        except BagError as error:
+        except Exception as error:
             self.failure = self.failure or error
         self.messages = self._files.messages
         self.finished_paths = [str(path) for path in self._files.finished]
