@@ -43,6 +43,19 @@ def cut_off_files(folder: Path) -> List[Path]:
     return sorted(folder.glob(PREFIX + "*" + SUFFIX + WORKING_SUFFIX))
 
 
+def set_aside(path: Path) -> Path:
+    """Rename an unfinished file so that no black box takes it for a cut-off one again; return its new name.
+
+    Commands read it as before: it still ends in ``.mcap.active``.
+    """
+    number, aside = 1, path.with_name("damaged_" + path.name)
+    while aside.exists():
+        number += 1
+        aside = path.with_name("damaged_%d_%s" % (number, path.name))
+    path.rename(aside)
+    return aside
+
+
 def remove_old(folder: Path, keep: Keep, notice: Callable[[str], None]) -> None:
     """Remove the oldest finished files, with their signatures, that are more than is to be kept; never the newest."""
     files = finished_files(folder)

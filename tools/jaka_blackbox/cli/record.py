@@ -17,14 +17,14 @@ from jaka_bag.live.rolling_files import RollingFiles
 from jaka_bag.live.stream_account import TopicDrops
 from jaka_bag.live.topic_selection import TopicSelection
 from jaka_bag.log_records import ACCIDENT
-from jaka_bag.operations.recover import recover
+from jaka_bag.operations.recover import Recovered, recover
 from jaka_bag.operations.signature import sign
 from jaka_bag.output_file import is_being_written
 from jaka_bag.units import NS_PER_S
 
 from ..evidence import Evidence
 from ..expression import Expression
-from ..files import Keep, cut_off_files
+from ..files import Keep, cut_off_files, set_aside
 from ..recorder import ITEM_BYTES, BlackBox, Window, started_line
 from ..service import TriggerService
 from ..snapshots import Snapshots
@@ -68,6 +68,8 @@ _SERVICE = "~trigger"
 _BEFORE_S, _AFTER_S = 60.0, 20.0
 _TRIGGERS = ("error", "emergency stop", "collision", "failed service call", "diagnostics ERROR", "service ~trigger",
              "SIGUSR1")
+_MOST_LOSSES = 5
+"""Losses of a file that a line names."""
 _ALONE = ("output_name", "output_prefix", "split", "size", "duration", "snapshot", "limit", "max_splits")
 
 
@@ -249,7 +251,7 @@ class Assembly:
             self._console.say("signed: %s" % sign(path, self._recorder.key))
 
     def _make_leftovers_whole(self) -> None:
-        """Finish the files of black boxes that were killed; a file that cannot be read stays as it is."""
+        """Finish the files of black boxes that were killed; what is not whole stays, as evidence, by another name."""
         for path in cut_off_files(self._folder):
             target = path.with_suffix("")
             if is_being_written(path):
@@ -258,10 +260,26 @@ class Assembly:
                 result = recover(path, target)
             except OutputExists:
                 continue
-            except BagError as error:
+            except (BagError, OSError) as error:
                 self._console.always("%s was cut off: %s" % (path, error))
                 continue
-            with contextlib.suppress(OSError):
-                path.unlink()
-            self._console.always("%s was cut off; made whole: %d messages" % (target, result.messages))
-            self._after_end(target)
+            if result.is_whole:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+                self._console.always("%s was cut off; made whole: %d messages" % (target, result.messages))
+            else:
+                with contextlib.suppress(OSError):
+                    path = set_aside(path)
+                self._console.always("%s was cut off; recovered, not whole: %d messages; lost: %s; what was left is %s"
+                                     % (target, result.messages, _text_of(result), path))
+            try:
+                self._after_end(target)
+            except (BagError, OSError) as error:
+                self._console.always("error: %s" % error)
+
+
+def _text_of(result: Recovered) -> str:
+    """Return the losses of a recovery as text, the first few of many."""
+    losses = [loss.describe() for loss in result.losses]
+    more = ["and %d more" % (len(losses) - _MOST_LOSSES)] if len(losses) > _MOST_LOSSES else []
+    return "; ".join(losses[:_MOST_LOSSES] + more) or "%d messages" % ((result.expected or 0) - result.messages)
