@@ -5,7 +5,6 @@ The driver must be running and the arm enabled, for instance by ``roslaunch jaka
 """
 import signal
 import sys
-import threading
 
 import actionlib
 import rospy
@@ -38,12 +37,14 @@ def main() -> int:
             positions=[start.position[0] + angle, *start.position[1:]], velocities=[0.0] * 6,
             time_from_start=rospy.Duration.from_sec(seconds)))
     goal.trajectory.header.stamp = rospy.Time()  # zero: begin at once
-    interrupted = threading.Event()  # no exception, which could come between the goal and the wait for its end
-    signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
+    # No exception, which could come between the goal and the wait for its end; no Event: a second Ctrl-C would wait for
+    # its lock.
+    interrupted = []
+    signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
     client.send_goal(goal)
     print("sent %d points" % len(WAY), flush=True)
     while not client.wait_for_result(rospy.Duration(0.1)):
-        if interrupted.is_set():
+        if interrupted:
             client.cancel_goal()
             client.wait_for_result(rospy.Duration(5.0))  # PREEMPTED comes when the arm rests
             break

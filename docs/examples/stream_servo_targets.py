@@ -9,7 +9,6 @@ The driver must be running with ``interface`` documented (targets are absolute) 
 import math
 import signal
 import sys
-import threading
 
 import rospy
 from sensor_msgs.msg import JointState
@@ -26,8 +25,8 @@ DURATION_S = 4.0
 def main() -> int:
     """Stream; 0 when every target was taken, 1 where one was refused or somebody interrupts."""
     rospy.init_node("stream_servo_targets", disable_signals=True)  # rospy ends at once, and calls no service then
-    interrupted = threading.Event()
-    signal.signal(signal.SIGINT, lambda number, frame: interrupted.set())
+    interrupted = []  # no Event: a second Ctrl-C would wait for its lock
+    signal.signal(signal.SIGINT, lambda number, frame: interrupted.append(number))
     for name in ("servo_move_enable", "servo_j"):
         rospy.wait_for_service("%s/%s" % (DRIVER, name), timeout=10.0)
     servo_mode = rospy.ServiceProxy(DRIVER + "/servo_move_enable", ServoMoveEnable)
@@ -49,7 +48,7 @@ def main() -> int:
             if answer.ret != 1:  # the driver has stopped the stream, or did not take this target: message says why
                 print("target %d: %s" % (step, answer.message))
                 return 1
-            if interrupted.is_set():
+            if interrupted:
                 print("interrupted")
                 return 1
             rate.sleep()

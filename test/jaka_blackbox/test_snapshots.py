@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import live_samples
 import pytest
+from everywhere import hangs
 from live_samples import string_connection
 
 from jaka_bag.containers.registry import open_log
@@ -77,3 +78,11 @@ def test_a_refused_write_ends_the_recording_and_is_raised(tmp_path, monkeypatch)
     with pytest.raises(WriteFailed):
         bench.writer.finish()
     assert bench.said == []
+
+
+def test_a_trigger_that_comes_at_any_line_of_another_waits_for_nothing(tmp_path):
+    def begin():
+        snapshots = Snapshots(None, 100.0)
+        return snapshots.trigger, snapshots.trigger
+
+    assert hangs(begin) == []

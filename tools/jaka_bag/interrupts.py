@@ -1,5 +1,6 @@
 """Ctrl-C and SIGTERM as one exception, and no second one while its cleaning up goes on."""
 import contextlib
+import queue
 import signal
 import threading
 from typing import Any, Iterator, List
@@ -25,6 +26,34 @@ def _raise_once(number: int, frame: Any) -> None:
 
 def ignored(number: int, frame: Any) -> None:
     """Do nothing: the handler of a signal that is to have no effect here, and its usual one in processes begun here."""
+
+
+class Flag:
+    """A flag that a signal handler may set, as it may not with a ``threading.Event``.
+
+    That has a lock: a handler that comes while its own thread holds it, in ``set`` or ``wait``, waits for ever.
+    """
+
+    def __init__(self) -> None:
+        self._is_set = False
+        self._woken: queue.SimpleQueue[None] = queue.SimpleQueue()  # its ``put`` may interrupt any of its methods
+
+    def is_set(self) -> bool:
+        """Return whether it is set."""
+        return self._is_set
+
+    def set(self) -> None:
+        """Set it, and wake all that wait."""
+        self._is_set = True
+        self._woken.put(None)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until it is set, or for ``timeout``, s; return whether it is set."""
+        if not self._is_set:
+            with contextlib.suppress(queue.Empty):
+                self._woken.get(timeout=timeout)
+                self._woken.put(None)  # for the next that waits
+        return self._is_set
 
 
 @contextlib.contextmanager

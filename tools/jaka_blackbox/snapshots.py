@@ -4,7 +4,6 @@ It stands where a recording's files stand (``RollingFiles``): the writing thread
 """
 import collections
 import dataclasses
-import threading
 import time
 from pathlib import Path
 from typing import Deque, List, Optional, Tuple
@@ -37,7 +36,7 @@ class Snapshots:
         self._newest_ns = int(newest_s * NS_PER_S)
         self._ring: Deque[_Item] = collections.deque()
         self._ring_bytes = 0
-        self._trigger = threading.Event()
+        self._is_asked = False  # no Event: its lock is not for signal handlers
         self._is_due = False
         self._files: Optional[RollingFiles] = None
         self.finished: List[Path] = []
@@ -49,7 +48,7 @@ class Snapshots:
 
     def trigger(self) -> None:
         """Write what is in memory to a file; a signal handler may call it."""
-        self._trigger.set()
+        self._is_asked = True
 
     # The writing thread
 
@@ -65,8 +64,9 @@ class Snapshots:
             BagError: The file cannot be written.
         """
         self._trim()
-        is_due, self._is_due = self._is_due, self._trigger.is_set()
-        self._trigger.clear()
+        is_due, self._is_due = self._is_due, self._is_asked
+        if self._is_due:  # one that comes from here on is in the same snapshot
+            self._is_asked = False
         if is_due:
             self._write()
 
@@ -81,7 +81,7 @@ class Snapshots:
         Raises:
             BagError: It cannot be written.
         """
-        if self._files is None and (self._is_due or self._trigger.is_set()):
+        if self._files is None and (self._is_due or self._is_asked):
             self._write()
         elif self._files is not None:
             try:

@@ -3,6 +3,8 @@ import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
+from jaka_bag.interrupts import Flag
+
 from .attended import ReplayStopped, attended
 from .command_schedule import Planned, due
 from .driver_inputs import Input
@@ -46,12 +48,12 @@ class CommandPlayer:
 
     def __init__(self, planned: Sequence[Planned], perform: Callable[[Input], Reply],
                  notice: Callable[[Planned, float, Optional[Reply]], None], after_previous: bool = False,
-                 cancelled: Optional[threading.Event] = None) -> None:
+                 cancelled: Optional[Flag] = None) -> None:
         self._planned = planned
         self._perform = perform
         self._notice = notice
         self._after_previous = after_previous
-        self._cancelled = cancelled or threading.Event()
+        self._cancelled = cancelled or Flag()
         self._started: List[Optional[float]] = [None] * len(planned)
         self._ended: List[Optional[float]] = [None] * len(planned)
         self._changed = threading.Condition()

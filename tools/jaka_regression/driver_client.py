@@ -13,6 +13,7 @@ from roslib import message as roslib_message
 from jaka_bag.compare.runs.run import Call
 from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.errors import BagError
+from jaka_bag.interrupts import Flag
 from jaka_bag.operations.tool_poses import rotation_vectors
 from jaka_bag.units import mm_to_m
 
@@ -111,7 +112,7 @@ class DriverClient:
         speed_share: Moves are asked for at this share of their recorded speeds.
     """
 
-    def __init__(self, name: str, cancelled: threading.Event, speed_share: float = 1.0) -> None:
+    def __init__(self, name: str, cancelled: Flag, speed_share: float = 1.0) -> None:
         become_node(name, anonymous=True)
         self._cancelled = cancelled
         self._speed_share = speed_share

@@ -4,7 +4,6 @@ import json
 import select
 import signal
 import sys
-import threading
 import time
 from typing import Any, List, Optional
 
@@ -12,6 +11,7 @@ from jaka_bag.cli.quantities import duration, positive_number
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.runs.run import Run
 from jaka_bag.errors import BagError, JakaBagError, UsageError
+from jaka_bag.interrupts import Flag
 
 from .attended import ReplayStopped
 from .command_player import CommandPlayer, Reply
@@ -152,7 +152,7 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
             master.call("getPid")
     except (JakaBagError, OSError) as error:
         raise BagError("no ROS master: %s" % error) from error
-    cancelled = threading.Event()
+    cancelled = Flag()
     client = DriverClient("jaka_bag_replay", cancelled, args.speed_limit / 100.0)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
@@ -179,7 +179,7 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
 
 
 def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], client: Any, sender: Any,
-                cancelled: threading.Event) -> None:
+                cancelled: Flag) -> None:
     """Move to the start where that is wanted, and make all calls."""
     if not args.begin_at_stdin:  # then a recorded controller says where the arm stands
         for topic, track in log.joints.items():
@@ -202,7 +202,7 @@ def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], clie
             len(planned) - sent, "%d messages sent, " % sent if sent else "", 1e3 * max(player.lateness)))
 
 
-def _line_of_stdin(cancelled: threading.Event) -> str:
+def _line_of_stdin(cancelled: Flag) -> str:
     """Wait for the next line, without a thread that would block the program's end; raise ReplayStopped on a cancel."""
     while not select.select([sys.stdin], [], [], _LOOK_S)[0]:
         if cancelled.is_set():

@@ -2,7 +2,6 @@
 import argparse
 import signal
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Any, List, Optional, Tuple
@@ -13,6 +12,7 @@ from jaka_bag.cli.options import Report, add_report, add_span, span_of
 from jaka_bag.cli.quantities import duration, positive_number
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.errors import BagError, JakaBagError
+from jaka_bag.interrupts import Flag
 from jaka_bag.live.graph import RemoteNode, master_uri
 from jaka_bag.live.session import read_parameter
 from jaka_bag.messages.batch import Array
@@ -180,7 +180,7 @@ def _perform(args: argparse.Namespace, plan: MotionPlan, node: str, report: Repo
         from .trajectory_client import TrajectoryClient, action_of
     except ImportError as error:
         raise BagError("replay-motion needs ROS: %s" % error) from error
-    cancelled = threading.Event()
+    cancelled = Flag()
     with RemoteNode(master_uri(), "/jaka_bag_replay") as master:
         action = action_of(master, node)
     driver = DriverClient("jaka_bag_replay", cancelled)
@@ -209,7 +209,7 @@ def _perform(args: argparse.Namespace, plan: MotionPlan, node: str, report: Repo
 
 
 def _go_to_start(args: argparse.Namespace, plan: MotionPlan, driver: Any, arm: Any, node: str,
-                 cancelled: threading.Event) -> Any:
+                 cancelled: Flag) -> Any:
     """See that the arm stands where the motion began, or move it there; how that failed, None where it is there.
 
     Raises:

@@ -5,7 +5,7 @@ writing, which have the md5 of the published ones.
 """
 import threading
 import time
-from typing import Any, NamedTuple, Sequence
+from typing import Any, NamedTuple, Sequence, Union
 
 import actionlib
 import rospy
@@ -14,6 +14,7 @@ from roslib import message as roslib_message
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from jaka_bag.errors import BagError
+from jaka_bag.interrupts import Flag
 from jaka_bag.live.graph import RemoteNode
 from jaka_bag.messages.batch import Array
 
@@ -126,7 +127,7 @@ class GoalClient:
         """Return a goal to be filled in."""
         return self._client.action_client.ActionGoal().goal
 
-    def perform(self, goal: Any, cancelled: threading.Event) -> End:
+    def perform(self, goal: Any, cancelled: Union[Flag, threading.Event]) -> End:
         """Send a goal, and wait for its end; when cancelled, for the rest of the arm after that."""
         if cancelled.is_set():
             return End(False, "interrupted")
@@ -168,7 +169,7 @@ class TrajectoryClient(GoalClient):
         super().__init__(action, action_type(), "error_string", timeout_s)
 
     def follow(self, names: Sequence[str], time_s: Array, position: Array, velocity: Array, acceleration: Array,
-               cancelled: threading.Event) -> End:
+               cancelled: Union[Flag, threading.Event]) -> End:
         """Have the arm go along points, and wait for its rest; when cancelled, for the rest after that.
 
         Args:

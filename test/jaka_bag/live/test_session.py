@@ -2,6 +2,9 @@
 import threading
 from types import SimpleNamespace
 
+import pytest
+from everywhere import hangs
+
 from jaka_bag.live.session import RecordingSession
 from jaka_bag.live.topic_selection import TopicSelection
 
@@ -43,3 +46,22 @@ def test_a_publisher_that_is_connected_while_the_recording_ends_is_told_of():
     transport = Transport(session)
     session.run(lambda: transport, False)
     assert transport.connected and told == [transport.master]
+
+
+def a_session():
+    recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure=None, streams=list, full_topics=set())
+    return RecordingSession(recorder, TopicSelection(), lambda connection: True, print)
+
+
+@pytest.mark.parametrize("act", [lambda session: session.end("SIGTERM"), lambda session: session.stop.wait(0.01),
+                                 lambda session: session.stop.set()], ids=["end", "wait", "set"])
+def test_a_signal_that_comes_at_any_line_of_the_end_waits_for_nothing(act):
+    sessions = []
+
+    def begin():
+        session = a_session()
+        sessions.append(session)
+        return lambda: act(session), lambda: session.end("SIGINT")
+
+    assert hangs(begin) == []
+    assert all(session.stop.is_set() for session in sessions[:-1]) and len(sessions) > 2

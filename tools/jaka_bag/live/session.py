@@ -9,6 +9,7 @@ import time
 from typing import Any, Callable, Dict, List, Optional, Set
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
+from ..interrupts import Flag
 from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .bus_statistics import ask_publishers
@@ -64,7 +65,7 @@ class RecordingSession:
         self._noticed: Dict[str, str] = {}
         self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
         self._transport: Optional[Subscriber] = None
-        self.stop = threading.Event()
+        self.stop = Flag()
         self.end_reason = ""
 
     def open_stream(self, connection: Connection, publisher: str) -> PublisherStream:
@@ -276,7 +277,7 @@ def as_yaml(parameters: Any) -> bytes:
     return json.dumps(parameters, indent=1, sort_keys=True, default=str).encode() + b"\n"
 
 
-def wait_for_master(master: RemoteNode, stop: threading.Event, notice: Callable[[str], None]) -> bool:
+def wait_for_master(master: RemoteNode, stop: Flag, notice: Callable[[str], None]) -> bool:
     """Wait until the master answers; return False when stopped before."""
     is_noticed = False
     while not stop.is_set():

@@ -2,11 +2,11 @@
 import argparse
 import os
 import signal
-import threading
 from typing import TYPE_CHECKING
 
 from jaka_bag.cli.notices import Notices
 from jaka_bag.errors import UsageError
+from jaka_bag.interrupts import Flag
 from jaka_bag.live.graph import RemoteNode, master_uri
 from jaka_bag.live.names import NodeNames, anonymous_name, node_names, split_remappings
 from jaka_bag.live.session import read_parameter, wait_for_master
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         from ..live_topics import LiveOptions, LiveTopics
 
         with RemoteNode(master_uri(), names.node) as master:
-            wait_for_master(master, threading.Event(), console.always)
+            wait_for_master(master, Flag(), console.always)
             is_simulated = bool(read_parameter(master, "/use_sim_time"))
         accept = is_of_namespace(names.namespace) if args.state_log else accept_all
         services = names.namespace.rstrip("/") + "/" if args.state_log else "/"

@@ -18,6 +18,7 @@ import rospy
 from roslib import message as roslib_message
 
 from jaka_bag.errors import BagError
+from jaka_bag.interrupts import Flag
 
 from ..attended import ReplayStopped
 from ..driver_client import DriverClient
@@ -93,7 +94,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         with printing:
             print(json.dumps(line), flush=True)
 
-    client = DriverClient("jaka_cell_watch", threading.Event())
+    client = DriverClient("jaka_cell_watch", Flag())
     try:
         for namespace in namespaces:
             client.wait_for([namespace + "/jaka_driver/stop_move"], _WAIT_S)
