@@ -1,4 +1,4 @@
-"""What a killed black box left: made whole, or kept where it cannot be."""
+"""Files that a killed black box left: made whole, or kept where it cannot be."""
 from types import SimpleNamespace
 
 import pytest

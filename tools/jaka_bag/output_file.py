@@ -9,12 +9,20 @@ from typing import BinaryIO, Callable, Iterator, List, Optional, Sequence, Set, 
 
 from .errors import BagError, OutputExists
 from .interrupts import put_off
-from .paths import PathLike, is_same_file
+from .paths import PathLike
 
 _unfinished: "Set[Union[OutputFile, OutputFolder]]" = set()
 os.register_at_fork(after_in_child=_unfinished.clear)  # what the parent writes is the parent's
 _sources: Set[str] = set()
 """Absolute paths of what this process reads."""
+
+
+def is_same_file(one: PathLike, other: PathLike) -> bool:
+    """Return whether two names, of which each may be missing, lead to the same file or folder."""
+    try:
+        return os.path.samefile(str(one), str(other))
+    except OSError:
+        return False
 
 
 def note_source(path: PathLike) -> None:

@@ -1,4 +1,4 @@
-"""What a command reads stays as it is, also where its name is the one that the output has while it is written."""
+"""Sources stay as they are, also where the name is the one that the output has while it is written."""
 import os
 import shutil
 

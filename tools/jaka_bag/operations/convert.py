@@ -31,7 +31,8 @@ from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
 from ..messages.selection import MessageFilter, Selection, TimeSpan, require_match
-from ..paths import PathLike, is_same_file
+from ..output_file import is_same_file
+from ..paths import PathLike
 from ..pipeline import WORKERS, in_order
 
 _MAX_PIECE = 4 << 20
