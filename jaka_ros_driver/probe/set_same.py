@@ -428,7 +428,7 @@ def _switch_output(desk: Desk, facts: Facts, back: SetBack, index: int, ask_pers
         during: Optional[Vector] = None
         try:
             reply = desk.ask("set_digital_output", type=int(IoBank.CABINET), index=index, value=int(not value))
-            during = desk.outputs(HOLD_S)
+            during = _shown(desk, HOLD_S, before)
         finally:
             changed = [place for place in range(len(before)) if during is not None and during[place] != before[place]]
             found = [place for place in changed if place in (index - 1, index)]
@@ -455,14 +455,25 @@ def _output_value(desk: Desk, index: int, before: Vector) -> Optional[bool]:
     return bool(before[index]) if before[index] == before[index - 1] else None
 
 
+def _shown(desk: Desk, seconds: float, before: Vector) -> Optional[Vector]:
+    """Return the outputs as ``Desk.outputs`` does; None also where the feed does not show all that it showed before."""
+    found = desk.outputs(seconds)
+    return found if found is not None and len(found) >= len(before) else None
+
+
 def _switch_back(desk: Desk, back: SetBack, index: int, value: bool, before: Vector) -> None:
-    """Switch an output back until the feed shows both terminals that the index can mean as they were."""
+    """Switch an output back until the feed shows both terminals that the index can mean as they were.
+
+    Without a frame nothing is known of how the index is counted, so the value that is sent stays.
+    """
     places = (index - 1, index)
     after: Optional[Vector] = None
     for _ in range(3):
         desk.ask("set_digital_output", type=int(IoBank.CABINET), index=index, value=int(value))
-        after = desk.outputs(0.3 * HOLD_S)
-        wrong = [place for place in places if after is None or after[place] != before[place]]
+        after = _shown(desk, 0.3 * HOLD_S, before)
+        if after is None:
+            continue
+        wrong = [place for place in places if after[place] != before[place]]
         if not wrong:
             return
         value = bool(before[wrong[0]])  # the index is counted otherwise in what reads it

@@ -158,6 +158,18 @@ def test_what_was_changed_is_set_back_by_whatever_a_step_is_ended(name):
     assert ended and (desk.users, desk.terminals) == before
 
 
+@pytest.mark.parametrize("shown", [None, (), (0,)])
+@pytest.mark.parametrize("base, index", [(0, 1), (1, 2), (0, 3), (1, 4)])
+def test_an_output_that_no_frame_shows_any_more_is_switched_back_and_to_nothing_else(base, index, shown):
+    desk, frames = OddController(get_base=base, set_base=base), []
+    before = list(desk.terminals)
+    desk.outputs = lambda seconds: shown if frames or frames.append(True) else tuple(desk.terminals)
+    facts, left, is_same = run(desk, output=index)
+    sent = [given["value"] for name, given in desk.sent if name == "set_digital_output"]
+    assert is_same and sent[0] != before[index - base] and set(sent[1:]) == {before[index - base]}, sent
+    assert "could not be read back" in left[-1] and facts["io_index_base"].value is None
+
+
 def test_a_signal_waits_though_another_thread_can_take_it(ctrl_c):
     ended, seen = threading.Event(), []
     other = threading.Thread(target=ended.wait)
