@@ -32,6 +32,8 @@ PROGRAM_UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
 """The states in which a program moves the arm, or may at any moment."""
 STILL_RAD = 1e-4
 """Largest change, rad, of a joint of an arm that is taken to rest."""
+FRESH_S = 1.0
+"""Largest age, s, of the newest state by which an arm is taken to rest."""
 
 
 class IoBank(enum.IntEnum):
@@ -216,10 +218,13 @@ def are_still(states: Sequence[RobotState]) -> bool:
                                    for a, b in zip(state.joint_position, states[0].joint_position))
 
 
-def unrest(states: Sequence[RobotState]) -> str:
+def unrest(states: Sequence[RobotState], now: Optional[float] = None) -> str:
     """Return why the command port is left alone after these newest states; "" where it may be connected.
 
     A controller may end its first client's connection for a second one: whoever moves the arm would lose it.
+
+    now: Host monotonic time, s; states that are ``FRESH_S`` old say nothing of an arm that may move since. None where
+        their age does not matter.
     """
     if len(states) < 2:
         return "the status port does not show whether the arm moves"
@@ -227,4 +232,6 @@ def unrest(states: Sequence[RobotState]) -> str:
         return "the arm moves"
     if any(state.program_state in PROGRAM_UNDER_WAY for state in states):
         return "a program of the controller runs"
+    if now is not None and now - states[-1].received_at > FRESH_S:
+        return "no frame came for %.0f s" % FRESH_S
     return ""

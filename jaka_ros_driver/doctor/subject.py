@@ -1,5 +1,6 @@
 """The system that is examined: the driver's parameters as it would read them, and looks that several checks share."""
 import functools
+import time
 from typing import Any, Mapping, NamedTuple, Optional
 
 from jaka_ros_driver.doctor.questions import Answers, FeedSample, ask_controller, listen_to_feed
@@ -78,7 +79,7 @@ class ExaminedSystem:
             return Refusal("--status-only was given")
         if self.holder:
             return Refusal("%s has the controller" % self.holder, is_driven_here=True)
-        reason = unrest(self.feed.states)
+        reason = unrest(self.feed.states, time.monotonic())
         return Refusal(reason) if reason else None
 
     @functools.cached_property

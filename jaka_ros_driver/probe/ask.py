@@ -15,10 +15,12 @@ from jaka_ros_driver.probe.look import HeardFeed, listen, model_fact
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_object
+from jaka_ros_driver.state import unrest
 
 _ANSWER_S = 3.0
 _SHORT_S = 1.0
 _POLLED_S = 2.0
+_GLANCE_S = 0.01
 _ENVELOPE = frozenset(("cmdName", "errorCode", "errorMsg"))
 NOT_KNOWN = "1"
 """``errorCode`` of what a controller does not understand (docs/controller-protocol.md section 4.3)."""
@@ -147,13 +149,23 @@ def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[H
     tell("get_joint_pos for %.0f s, again as soon as it is answered" % _POLLED_S)
     facts.update(_polling_facts(asked, feed))
     tell("a second connection to the command port, beside the first")
-    facts["second_client"], kept = _second_client(record, command_port, asked)
+    reason = _unrest(feed)
+    facts["second_client"], kept = (Fact(None, reason), None) if reason else _second_client(record, command_port, asked)
     for one in (asked, kept):
         if one is not None:
             one.connection.close()
     time.sleep(_SHORT_S)  # a controller that serves one client must have seen the end of that one
     tell("%s, which is no JSON, on a connection of its own" % MALFORMED.decode())
-    facts["malformed"] = _malformed(record, command_port, answers_all)
+    reason = _unrest(feed)
+    facts["malformed"] = Fact(None, reason) if reason else _malformed(record, command_port, answers_all)
+
+
+def _unrest(feed: Optional[HeardFeed]) -> str:
+    """Return why no other connection is made now: somebody may have taken the port since, and move the arm."""
+    if feed is None or not feed.states:
+        return ""
+    listen([feed], time.monotonic() + _GLANCE_S)
+    return unrest(feed.states, time.monotonic())
 
 
 def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:

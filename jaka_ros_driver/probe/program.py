@@ -25,11 +25,12 @@ from jaka_ros_driver.probe.set_same import HOLD_S, SETTINGS, Desk, SetBack, Stag
 from jaka_ros_driver.probe.twin import twin_facts
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import DriverLock, holder_of
-from jaka_ros_driver.state import unrest
+from jaka_ros_driver.state import FRESH_S, unrest
 
 _NAME = "jaka_probe"
 _SECONDS = 30.0
-_SETTLE_S = 1.0
+_SETTLE_S = 1.2 * FRESH_S
+"""Time, s, for which the feed is listened to before a stage: frames that waited to be read are old after it."""
 _GLANCE_S = 0.01
 _HIGHEST_OUTPUT = 15
 REPORT, TEXT, PAGE, DIALECT, WIRE = "probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"
@@ -160,8 +161,7 @@ class _Run:
             return 0 if feed is not None else self._leave_out(ProbeStage.ASK, self._refusal(feed))
         for stage, run in ((ProbeStage.ASK, self._ask), (ProbeStage.SET, self._set),
                            (ProbeStage.MOVE, self._move))[:self._last]:
-            if stage is not ProbeStage.ASK:
-                listen([feed], time.monotonic() + _SETTLE_S)  # frames that waited to be read are old
+            listen([feed], time.monotonic() + _SETTLE_S)
             refusal = self._refusal(feed)
             if refusal:
                 return self._leave_out(stage, refusal)
@@ -186,7 +186,7 @@ class _Run:
         holder = holder_of(self._options.address, self._options.command_port)
         if holder:
             return "%s has the controller; end it first" % holder
-        return unrest([] if feed is None else feed.states)
+        return unrest([] if feed is None else feed.states, time.monotonic())
 
     def _ask(self, feed: HeardFeed) -> int:
         _tell("ask: %d questions that read, %d pieces that nobody understands; nothing is set or moved" % (
@@ -239,7 +239,7 @@ class _Run:
         if self._person.ask("the arm MOVES. Its name is %s; type it to go on: " % name) != name:
             return self._leave_out(ProbeStage.MOVE, "that was not its name")
         listen([feed], time.monotonic() + _SETTLE_S)
-        reason = unrest(feed.states)
+        reason = unrest(feed.states, time.monotonic())
         if reason:
             return self._leave_out(ProbeStage.MOVE, reason)
         self._done.append(ProbeStage.MOVE)

@@ -18,7 +18,7 @@ from jaka_ros_driver.probe.look import HeardFeed, listen
 from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, encode_object
-from jaka_ros_driver.state import IoBank, Vector, unrest
+from jaka_ros_driver.state import FRESH_S, IoBank, Vector, unrest
 
 SETTINGS: Dict[str, str] = {
     "set_payload": "the payload that it has",
@@ -41,8 +41,6 @@ HOLD_S = 1.0
 """Time, s, for which an output has its other value."""
 _ANSWER_S, _SLOW_S = 3.0, 15.0
 """Patience, s, with a reply; with one that may wait for what it begins."""
-_FRESH_S = 1.0
-"""Largest age, s, of the newest state."""
 _GLANCE_S = 0.01
 _HIGHEST_ID = 15
 """Highest id that any source names (docs/controller-protocol.md section 5.7)."""
@@ -154,9 +152,7 @@ class Desk:
     def require_rest(self) -> None:
         """Raise StageEnded unless fresh frames show an arm at rest that nobody guides by hand."""
         listen([self.feed], time.monotonic() + _GLANCE_S)
-        reason = unrest(self.feed.states[-10:])
-        if not reason and time.monotonic() - self.feed.states[-1].received_at > _FRESH_S:
-            reason = "no frame came for %.0f s" % _FRESH_S
+        reason = unrest(self.feed.states[-10:], time.monotonic())
         if not reason and self.feed.states[-1].is_hand_guided:
             reason = "hand guiding is on"
         if reason:
@@ -416,7 +412,7 @@ def _drag_command(desk: Desk) -> Fact:
 
 def _switch_output(desk: Desk, facts: Facts, back: SetBack, index: int, ask_person: Callable[[str], str]) -> None:
     """Switch an output and see which terminal changes in the feed, and which one a person sees."""
-    before = desk.outputs(2.0 * _FRESH_S)
+    before = desk.outputs(2.0 * FRESH_S)
     if before is None or len(before) <= index:
         facts["io_index_base"] = Fact(None, "the feed does not show outputs 0 to %d" % index)
         return

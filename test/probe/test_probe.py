@@ -1,5 +1,6 @@
 """The program jaka_probe on simulated controllers that it knows nothing of: what it finds, sends, keeps and leaves."""
 import contextlib
+import dataclasses
 import json
 import os
 import signal
@@ -7,20 +8,23 @@ import socket
 import subprocess
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from probe_bench import WAIT, command, facts_in, probe, wrong
 from program_places import command_of
 from raw_client import RawClient
 
-from jaka_ros_driver.probe import report
+from jaka_ros_driver.probe import ask as questions
+from jaka_ros_driver.probe import program, report
 from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.look import KNOWN, OMITTED, HeardFeed, feed_facts
-from jaka_ros_driver.probe.recorded import KeptPiece, hidden, without_identity
+from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, KeptPiece, hidden, without_identity
 from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
+from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.wire.log import read_log
 
 FILES = {"probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"}
@@ -161,6 +165,56 @@ def test_an_arm_that_moves_or_has_a_driver_is_not_asked(tmp_path, controller):
         done = probe(tmp_path / "moving", arm.ports)
         assert done.returncode == 1 and "the arm moves" in done.stdout, done.stdout
     assert not set(arm.sent()) & (set(QUESTIONS) - {"get_version"})
+
+
+def heard(*ages, at=(0.0,) * 6):
+    """Return a feed with states of these ages, s, the last of which is at other joints where they are given."""
+    feed = HeardFeed(SimpleNamespace(is_closed=True))
+    feed.states = [RobotState((0.0,) * 6, *([True] * 3), False, False, received_at=time.monotonic() - age)
+                   for age in ages]
+    feed.states[-1] = dataclasses.replace(feed.states[-1], joint_position=at)
+    return feed
+
+
+@pytest.mark.parametrize("feed, reason", [
+    (lambda: heard(20.03, 20.0), "no frame came"), (lambda: heard(0.06, 0.03), ""),
+    (lambda: heard(0.06, 0.03, at=(0.1,) * 6), "the arm moves"), (lambda: heard(0.0), "does not show"),
+    (lambda: None, "does not show")])
+def test_a_feed_that_is_silent_does_not_show_an_arm_at_rest(tmp_path, feed, reason):
+    run = program._Run(program.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
+    found = run._refusal(feed())
+    assert reason in found and bool(reason) == bool(found)
+
+
+def test_frames_that_waited_to_be_read_are_old_before_anything_is_asked(tmp_path, monkeypatch):
+    ours, theirs = socket.socketpair()
+    text = b""
+    for _ in range(3):
+        text = json.dumps({"len": len(text), "joint_actual_position": [0.0] * 6, "enabled": True, "powered_on": 1,
+                           "inpos": True, "emergency_stop": 0, "protective_stop": 0}).encode()
+    with ours, theirs:
+        theirs.sendall(3 * text)
+        feed = HeardFeed(KeptConnection(ConnectionLog(""), "status", ours))
+        run = program._Run(program.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
+        monkeypatch.setattr(run, "_look", lambda: feed)
+        monkeypatch.setattr(run, "_ask", lambda feed: pytest.fail("it was asked"))
+        assert run.stages() == 1 and len(feed.states) == 3
+
+
+def test_no_other_connection_is_made_while_somebody_moves_the_arm(monkeypatch):
+    feed, made = heard(0.06, 0.03), []
+
+    class Record:
+        def connect(self, port, number):
+            made.append(port)
+            feed.states = heard(0.06, 0.0, at=(0.1,) * 6).states
+            return SimpleNamespace(is_closed=True, close=lambda: None, receive=lambda deadline: b"")
+    monkeypatch.setattr(questions, "_SHORT_S", 0.01)
+    facts = {}
+    questions.ask(Record(), facts, 1, feed, lambda line: None)
+    assert made == ["command"]
+    assert "the arm moves" in facts["second_client"].how and "the arm moves" in facts["malformed"].how
+    assert facts["second_client"].value is facts["malformed"].value is None
 
 
 def test_ctrl_c_leaves_a_whole_report(tmp_path, controller):

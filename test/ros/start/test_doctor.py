@@ -20,9 +20,10 @@ from wire_verdict import WireVerdict
 
 from jaka_ros_driver.doctor import bundle, computer, program
 from jaka_ros_driver.doctor.findings import Examination, Level
-from jaka_ros_driver.doctor.questions import QUESTIONS
+from jaka_ros_driver.doctor.questions import QUESTIONS, FeedSample
 from jaka_ros_driver.doctor.subject import ExaminedSystem
 from jaka_ros_driver.protocol.codec import command_name
+from jaka_ros_driver.state import RobotState
 
 LONGEST_S = 120
 READS = {command_name(query) for query in QUESTIONS}
@@ -310,6 +311,14 @@ def test_nothing_is_left_in_the_folders(graph, tmp_path):
 
 def subject(**values):
     return ExaminedSystem(values, "test", "/jaka_driver")
+
+
+@pytest.mark.parametrize("age, reason", [(0.1, None), (3.0, "no frame came")])
+def test_a_feed_that_fell_silent_shows_no_arm_at_rest(age, reason):
+    one = subject(ip="127.0.0.1")
+    states = [RobotState((0.0,) * 6, *([True] * 3), False, False, received_at=time.monotonic() - age)] * 2
+    one.holder, one.feed = "", FeedSample(None, states, 0, {}, 1.5, False)
+    assert one.refusal is None if reason is None else reason in one.refusal.reason
 
 
 def test_a_clock_that_was_set_back():
