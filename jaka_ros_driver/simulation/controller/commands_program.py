@@ -36,10 +36,11 @@ def _modify_variable(state: ControllerState, arguments: Arguments) -> None:
     number, alias, value = arguments.integer("id_new"), arguments.text("alias_new", ""), arguments.raw("value_new")
     if not isinstance(value, (int, float, str)):
         raise BadParameter("value_new is neither number nor text")
+    (arguments.text if isinstance(value, str) else arguments.number)("value_new")  # raises what is to be answered
     variables = state.memory.variables
     if not 0 <= number or (number not in variables and len(variables) >= _MAX_VARIABLES):
         raise CommandRefused()
-    variables[number] = (alias, arguments.text("value_new") if isinstance(value, str) else value)
+    variables[number] = (alias, value)
 
 
 def _variables(state: ControllerState) -> Reply:

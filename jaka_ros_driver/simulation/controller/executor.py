@@ -135,6 +135,10 @@ class Controller:
             return RequestResult(name if isinstance(name, str) else None, not_understood(dialect))
         try:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
+            if isinstance(fields, Held):
+                return RequestResult(spec.name, accepted(dialect, spec.name, {}), fields,
+                                     refused(dialect, spec.name, CommandRefused()))
+            return RequestResult(spec.name, accepted(dialect, spec.name, fields or {}), then=spec.then)
         except BadParameter:
             return RequestResult(spec.name, not_understood(dialect))
         except (CommandRefused, TargetRejected, InvalidCommand) as error:
@@ -144,7 +148,3 @@ class Controller:
             self.failures += 1
             traceback.print_exc(file=sys.stderr)
             return RequestResult(spec.name, not_understood(dialect))
-        if isinstance(fields, Held):
-            return RequestResult(spec.name, accepted(dialect, spec.name, {}), fields,
-                                 refused(dialect, spec.name, CommandRefused()))
-        return RequestResult(spec.name, accepted(dialect, spec.name, fields or {}), then=spec.then)

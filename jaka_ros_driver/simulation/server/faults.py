@@ -15,6 +15,7 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.units import ms_to_s
 
 _LEN = re.compile(rb'"len": (\d+)')
+_LARGEST = 1e6
 
 
 class Effect(enum.Enum):
@@ -190,8 +191,9 @@ class FaultScript:
             if name not in defaults:
                 raise InvalidCommand("fault %s takes no %s; it takes: %s"
                                      % (kind, name, ", ".join(defaults) or "nothing"))
-            if not isinstance(value, (int, float)) or not (name == "offset" or 0 <= value <= 1e6):
-                raise InvalidCommand("%s is %r; it must be a number within 0..1e6" % (name, value))
+            low = -_LARGEST if name == "offset" else 0.0
+            if not isinstance(value, (int, float)) or not low <= value <= _LARGEST:
+                raise InvalidCommand("%s is %.100r; it must be a number within %g..%g" % (name, value, low, _LARGEST))
         count = KINDS[kind].usual_count if count == 0 else count
         rule = FaultRule(kind, port, count, float(probability), command, {**defaults, **params})
         self._rules.append(rule)

@@ -115,6 +115,7 @@ WRONG_TYPES = [
     {"cmdName": "modify_user_defined_variable", "id_new": 1, "value_new": {"a": 1}},
 ]
 REFUSED = [
+    ("modify_user_defined_variable", {"id_new": 1, "value_new": 1e300}),
     ("joint_move", {"jointPosition": [500.0, 90, -90, 90, 90, 0], "speed": 10}),
     ("joint_move", {"jointPosition": [0, 90, -90], "speed": 10}),
     ("joint_move", {"jointPosition": NEAR + [0.0, 0.0, 0.0], "speed": 10}),
@@ -281,6 +282,16 @@ def test_what_is_set_is_what_is_read(client):
     assert client.ask("get_exist_traj_file_name")["trajTrackFileName"] == []
     assert client.code("modify_user_defined_variable", id_new=4, alias_new="n", value_new=7.5) == "0"
     assert client.ask("query_user_defined_variable")["var_list"] == [{"id": 4, "alias": "n", "value": 7.5}]
+
+
+@pytest.mark.parametrize("text", [b"1e999", b"-1e999", b"1" + b"0" * 400])
+def test_a_variable_that_is_no_finite_number_is_not_stored(client, text):
+    client.send(b'{"cmdName": "modify_user_defined_variable", "id_new": 1, "value_new": %s}' % text)
+    assert client.reply()["errorCode"] == "1"
+    assert client.ask("query_user_defined_variable")["var_list"] == []
+    for value in (7, "seven"):
+        assert client.code("modify_user_defined_variable", id_new=1, value_new=value) == "0"
+        assert client.ask("query_user_defined_variable")["var_list"][0]["value"] == value
 
 
 @pytest.mark.parametrize("bank, digital, analog", [

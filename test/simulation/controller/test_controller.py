@@ -13,6 +13,7 @@ from import_graph import ROOT, outside_imports
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.controller.command_spec import Then
+from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Options, Start
@@ -45,6 +46,15 @@ def test_bug_in_a_handler_is_answered_and_told(monkeypatch, capsys):
     outcome = controller.execute({"cmdName": "kine_forward", "jointPosition": [0.0] * 6})
     assert json.loads(outcome.reply)["errorCode"] == "1" and controller.failures == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_a_reply_that_cannot_be_written_is_a_failure_and_ends_nothing(monkeypatch, capsys):
+    controller = make()
+    spec = COMMANDS["get_version"]._replace(handler=lambda state, arguments: {"version": float("inf")})
+    monkeypatch.setitem(COMMANDS, "get_version", spec)
+    outcome = controller.execute({"cmdName": "get_version"})
+    assert json.loads(outcome.reply)["errorCode"] == "1" and controller.failures == 1
+    assert "FramingError" in capsys.readouterr().err
 
 
 def test_enabling_right_after_disabling_ends_enabled():

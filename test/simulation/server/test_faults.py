@@ -42,6 +42,22 @@ def test_count_port_and_command_choose_what_is_struck():
     assert script.active() == ()
 
 
+@pytest.mark.parametrize("value", [float("inf"), -float("inf"), float("nan"), 1e300, 10 ** 400, -1000001, "7", None])
+@pytest.mark.parametrize("kind, name", [(kind, name) for kind, row in KINDS.items() for name in row.defaults])
+def test_a_parameter_that_is_no_finite_number_makes_no_rule(kind, name, value):
+    script = FaultScript()
+    with pytest.raises(InvalidCommand, match=name):
+        script.add(kind, "status", **{name: value})
+    assert script.active() == () and script.frame_text("status", b'{"len": 9}') == b'{"len": 9}'
+
+
+@pytest.mark.parametrize("offset, told", [(7, b"16"), (-9, b"0"), (-10, b"-1"), (1000000, b"1000009")])
+def test_a_len_is_wrong_by_the_offset(offset, told):
+    script = FaultScript()
+    script.add("wrong_len", "status", offset=offset)
+    assert script.frame_text("status", b'{"len": 9}') == b'{"len": %s}' % told
+
+
 @pytest.mark.parametrize("port", PORTS)
 def test_any_two_rules_in_any_order_with_parameters_of_zero_do_no_harm(port):
     for first, second in itertools.product(KINDS, KINDS):

@@ -379,6 +379,7 @@ def test_panel_that_is_not_there(make_arm):
     {"action": "fault", "kind": "delay", "port": "status", "delay_ms": "long"},
     {"action": "fault", "kind": "delay", "port": "status", "delay_ms": -1},
     {"action": "fault", "kind": "drop", "port": "status", "count": -1},
+    {"action": "fault", "kind": "wrong_len", "port": "status", "offset": -1000001},
     {"action": "fault", "kind": "drop", "port": "status", "probability": 2},
     {"action": "fault", "kind": "drop", "port": "status", "command": "jog"},
     {"action": "stall", "port": "attic"}, {"action": "stall", "duration_ms": -1}, {"action": "slow_feed"},
