@@ -10,7 +10,7 @@ from jaka_ros_driver.kinematics.pose_check import deviation
 from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
 from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
-from jaka_ros_driver.protocol.framing import FrameStream
+from jaka_ros_driver.protocol.framing import MAX_FRAME_BYTES, FrameStream
 from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.simulation.dialect.dimension import Subset
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
@@ -65,9 +65,13 @@ class HeardFeed:
             if isinstance(item, FramingError):
                 self.damaged += 1
                 continue
+            length = item.get("len", 0)  # of several keys of this name JSON has the last one
+            if type(length) is not int or not 0 <= length <= MAX_FRAME_BYTES:
+                self.damaged += 1
+                continue
             self.times.append(now)
             self.fields.update(item)
-            self.lengths.append(int(item.get("len", 0)))
+            self.lengths.append(length)
             try:
                 self.states = [*self.states[1 - self._KEPT:], parse_status(item, now)]
             except JakaError:

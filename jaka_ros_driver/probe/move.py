@@ -149,9 +149,11 @@ class Moving:
 # ---- the steps ----
 
 def _first_move(it: Moving) -> None:
+    sent = time.monotonic()
     accepted = it.move(2.0, SLOW)
     it.has_gone(it.home, 0.1)
-    began = next(one.at for one in it.arm.seen if one.at >= accepted and abs(one.position - it.home) >= MOVED_RAD)
+    began = next((one.at for one in it.arm.seen if one.at >= sent and abs(one.position - it.home) >= MOVED_RAD),
+                 accepted)  # a reply may come later than the motion that it accepts
     lag = math.sqrt(2.0 * MOVED_RAD / ACCELERATION)
     it.facts["start_delay"] = Fact(round(max(0.0, began - accepted - lag), 3),
                                    "joint 6 was first seen to move %.3f s after the reply" % (began - accepted))

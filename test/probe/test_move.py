@@ -18,7 +18,7 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover, Seen
-from jaka_ros_driver.probe.move import AXIS, MOVES, inpos_fact, starvation_fact, stop_facts, why_not
+from jaka_ros_driver.probe.move import AXIS, MOVES, STEPS, Moving, inpos_fact, starvation_fact, stop_facts, why_not
 from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS, uninterrupted
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
@@ -109,6 +109,51 @@ def test_every_frame_is_held_against_the_room(change, reason):
     except Exception as error:
         raised = str(error)
     assert reason in raised and bool(reason) == bool(raised)
+
+
+class LateArm:
+    """An arm whose reply to the first move comes when it moves already."""
+
+    start = (0.0,) * 6
+
+    def __init__(self, late):
+        self.late = late
+        self.seen = [Seen(time.monotonic() - 0.1, 0.0, True, False)]
+
+    def joints(self, position):
+        return (*self.start[:AXIS], position)
+
+    def require(self, command):
+        self.see(0.0, False)
+        for _ in range(20):
+            time.sleep(self.late / 20)
+            self.see(self.seen[-1].position + math.radians(0.1), False)
+        return {}
+
+    def see(self, place, is_in_position):
+        self.seen.append(Seen(time.monotonic(), place, is_in_position, False))
+
+    @property
+    def position(self):
+        return self.seen[-1].position
+
+    def wait(self, seconds, until=lambda: False):
+        for _ in range(3):
+            if until():
+                return True
+            self.see(self.position, True)
+        return until()
+
+    def has_rested(self, seconds, after=0.0):
+        return True
+
+
+@pytest.mark.parametrize("late", [0.02, 0.15])
+def test_a_move_whose_reply_comes_late_begins_at_once(late):
+    facts = {}
+    moving = Moving(LateArm(late), facts, {})
+    STEPS[0].run(moving)
+    assert facts["start_delay"].value == 0.0 and "inpos" in facts and len(moving.curves["move"]) > 10
 
 
 class WatchedArm:

@@ -295,6 +295,20 @@ def test_a_period_is_told_of_a_regular_feed_alone(gaps, is_settled):
     assert found.value == pytest.approx(sum(gaps) / len(gaps), abs=1e-5) if is_settled else "irregularly" in found.how
 
 
+@pytest.mark.parametrize("second", ['"x"', "null", "1.5", "true", "[1]", "1" + 400 * "0"])
+def test_a_frame_whose_len_is_no_whole_number_is_damaged(second):
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        feed = HeardFeed(KeptConnection(ConnectionLog(""), "status", ours))
+        rest = ', "enabled": true, "len": %s}' % second
+        text = '{"len": %d%s' % (len('{"len": 99') + len(rest), rest)
+        text = '{"len": %d%s' % (len(text), rest)
+        theirs.sendall(text.encode())
+        feed.read()
+    assert (feed.damaged, feed.lengths, feed.states) == (1, [], [])
+    assert feed_facts(feed, 1.0)["feed_period"].value is None
+
+
 def test_names_of_dimensions_and_fields_are_those_of_the_simulated_controller():
     assert {row.dimension for row in DESCRIBED.values()} - {""} <= set(DIMENSIONS)
     assert OMITTED and OMITTED < KNOWN
