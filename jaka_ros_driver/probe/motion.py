@@ -16,7 +16,7 @@ from jaka_ros_driver.commands import Command, ServoJoint
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.probe.look import HeardFeed
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection
-from jaka_ros_driver.probe.set_same import is_interrupted, uninterrupted
+from jaka_ros_driver.probe.set_same import SetBack, is_interrupted, uninterrupted
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_object
 from jaka_ros_driver.state import RobotState, Vector
@@ -41,6 +41,7 @@ _TURN_S = 0.004
 _ANSWER_S = 3.0
 _GUARD_S = 10.0
 """Longest wait, s, for the guard's first answer."""
+_UNSEEN = "the arm was not seen at rest: use the emergency stop"
 
 
 class MotionEnded(JakaError):
@@ -67,7 +68,7 @@ class Mover:
     """
 
     def __init__(self, record: ConnectionLog, command_port: int, feed: HeardFeed, guard: Guard, axis: int,
-                 log: Callable[[str], None]) -> None:
+                 log: Callable[[str], None], back: Optional[SetBack] = None) -> None:
         """Take the arm as the newest frame shows it.
 
         Args:
@@ -77,7 +78,9 @@ class Mover:
             guard: Is informed of each motion.
             axis: The joint that moves, 0 to 5.
             log: Takes what a stop says.
+            back: Takes that the arm was not seen at rest, also where a signal or a defect ends the step.
         """
+        self._back = SetBack() if back is None else back
         self._record, self._port, self._feed, self._guard, self._log = record, command_port, feed, guard, log
         self._axis = axis
         self._begun = feed.states[-1]
@@ -285,12 +288,26 @@ class Mover:
             except MotionEnded as ended:
                 why = str(ended)
             finally:
-                has_seen_rest = self._come_to_rest()
-                if has_seen_rest:
-                    self._guard.notify(False)
+                has_seen_rest = self._end_motion()
         if not has_seen_rest:
-            raise MotionEnded("the arm was not seen at rest: use the emergency stop")
+            raise MotionEnded(_UNSEEN)
         return why
+
+    def _end_motion(self) -> bool:
+        """Bring the arm to rest; return whether it was seen there.
+
+        Where it was not, that is noted and said here, before a put-off signal can end the program.
+        """
+        has_seen_rest = False
+        try:
+            has_seen_rest = self._come_to_rest()
+        finally:
+            if has_seen_rest:
+                self._guard.notify(False)
+            else:
+                self._back.left.append(_UNSEEN)
+                self._log(_UNSEEN)
+        return has_seen_rest
 
     def _wait_for_guard(self) -> None:
         deadline = time.monotonic() + _GUARD_S

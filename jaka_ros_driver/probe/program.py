@@ -2,6 +2,7 @@
 import argparse
 import contextlib
 import json
+import signal
 import sys
 import time
 from pathlib import Path
@@ -47,8 +48,18 @@ or serial number.
   jaka_probe explain my_arm/probe.json
   jaka_probe diff before/probe.json after/probe.json
 
-Exit codes: 0 all was looked for, 1 something could not be (the report says what), 2 wrong usage, 130 ended by Ctrl-C.
+Exit codes: 0 all was looked for, 1 something could not be (the report says what), 2 wrong usage, 130 ended by Ctrl-C,
+129, 131 and 143 by SIGHUP, SIGQUIT and SIGTERM, with a report as with Ctrl-C.
 """
+_ENDING = (signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)
+
+
+class _Ended(KeyboardInterrupt):
+    """A signal that ends the program as Ctrl-C does."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
 
 
 def parser() -> argparse.ArgumentParser:
@@ -129,16 +140,42 @@ def _probe(options: argparse.Namespace) -> int:
     if taken:
         raise JakaError("%s has %s already; name another folder" % (folder, taken[0]))
     run, code = _Run(options), 1
-    try:
-        code = run.stages()
-    except KeyboardInterrupt:
-        _tell("ended by Ctrl-C; what is known by now is written")
-        code = 130
-    finally:
-        with uninterrupted():
-            run.record.close()
-            run.write(folder, code == 0)
+    with _ended_by_signals():
+        try:
+            try:
+                code = run.stages()
+            except KeyboardInterrupt as ended:
+                code = _code_of(ended)
+                _tell("ended by %s; what is known by now is written" % _name_of(ended))
+            finally:
+                with uninterrupted():
+                    run.record.close()
+                    run.write(folder, code == 0)
+        except KeyboardInterrupt as ended:  # while the report was written
+            code = _code_of(ended)
     return code
+
+
+@contextlib.contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Have the signals that end a program raise ``_Ended``: by their default action they would lose the report."""
+    def end(number: int, frame: Any) -> None:
+        raise _Ended(number)
+    before = {number: signal.signal(number, end) for number in _ENDING
+              if signal.getsignal(number) is not signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _code_of(ended: KeyboardInterrupt) -> int:
+    return 128 + (ended.number if isinstance(ended, _Ended) else signal.SIGINT)
+
+
+def _name_of(ended: KeyboardInterrupt) -> str:
+    return signal.Signals(ended.number).name if isinstance(ended, _Ended) else "Ctrl-C"
 
 
 class _Run:
@@ -245,14 +282,15 @@ class _Run:
         self._done.append(ProbeStage.MOVE)
         with self._locked():
             guard = Guard(self._options.address, self._options.command_port, self._options.status_port)
-            arm = Mover(self.record, self._options.command_port, feed, guard, AXIS, _tell_part)
+            arm = Mover(self.record, self._options.command_port, feed, guard, AXIS, _tell_part, self._back)
             try:
                 move(arm, self._facts, self._curves, self._person, _tell_part)
             except StageEnded as ended:
                 _tell("move: ended, %s" % ended)
                 return 1
             except MotionEnded as ended:
-                self._back.left.append(str(ended))
+                if str(ended) not in self._back.left:
+                    self._back.left.append(str(ended))
                 return 1
             finally:
                 arm.close()
@@ -276,7 +314,7 @@ class _Run:
             self._facts = {name: fact._replace(how=fact.how.replace(self._options.address, "x"))
                            for name, fact in self._facts.items()}
         lines = report.text(self._facts, self._back.left)
-        print("\n".join(["", *lines]), flush=True)
+        _say("\n".join(["", *lines]))
         (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
         content = report.as_json(self._facts, self._done, is_whole, self._back.left, self._curves)
         (folder / REPORT).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
@@ -298,7 +336,13 @@ def _print_identity(content: Dict[str, Any]) -> None:
 
 
 def _tell(line: str) -> None:
-    print("%s: %s" % (_NAME, line), flush=True)
+    _say("%s: %s" % (_NAME, line))
+
+
+def _say(text: str) -> None:
+    """Print; a terminal that has gone keeps no arm from being stopped, and no report from being written."""
+    with contextlib.suppress(OSError):
+        print(text, flush=True)
 
 
 def _tell_part(line: str) -> None:

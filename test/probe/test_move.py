@@ -19,7 +19,7 @@ from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover, Seen
 from jaka_ros_driver.probe.move import AXIS, MOVES, STEPS, Moving, inpos_fact, starvation_fact, stop_facts, why_not
-from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS, uninterrupted
+from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS, SetBack, uninterrupted
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.simulation.dialect.table import Dialect
@@ -209,6 +209,23 @@ def test_a_probe_that_was_held_up_or_is_to_end_stops_what_it_moves(ctrl_c):
         arm.turn(0.0)
 
 
+@pytest.mark.parametrize("end", [lambda: signal.raise_signal(signal.SIGINT), lambda: 1 / 0, lambda: None])
+@pytest.mark.parametrize("rest", [lambda: False, lambda: 1 / 0])
+def test_an_arm_that_was_not_seen_at_rest_is_told_however_the_step_ends(ctrl_c, end, rest):
+    feed = SimpleNamespace(states=[dataclasses.replace(STATE, received_at=time.monotonic())], on_state=None,
+                           connection=SimpleNamespace(is_closed=True))
+    notified, said, back = [], [], SetBack()
+    guard = SimpleNamespace(beat=lambda now: None, health=lambda: GuardHealth(True, 0, ""), notify=notified.append)
+    arm = Mover(None, 0, feed, guard, AXIS, said.append, back)
+    arm.seen = [Seen(time.monotonic(), 0.0, True, False)]
+    arm._come_to_rest = rest
+    with pytest.raises((KeyboardInterrupt, ZeroDivisionError, MotionEnded)):
+        arm.run(end)
+    assert notified == [True], "the guard goes on"
+    assert len(back.left) == 1 and "not seen at rest: use the emergency stop" in back.left[0]
+    assert back.left[0] in said
+
+
 def moved(tmp_path, arm, *words, **answers):
     return ProbeOnTerminal(command(tmp_path / "out", arm.ports, "--stage", "move", *words), **answers)
 
@@ -241,7 +258,8 @@ def test_each_dimension_of_motion_is_found_in_its_room_and_the_arm_is_where_it_w
     assert math.degrees(max(ways)) / 0.1 <= 9.0
 
 
-@pytest.mark.parametrize("number, code", [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+@pytest.mark.parametrize("number, code", [
+    (signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_arm_whose_probe_is_ended_in_a_motion_comes_to_rest(tmp_path, controller, number, code):
     arm = controller()
     with contextlib.closing(WatchedArm(arm)) as watched:

@@ -1,14 +1,17 @@
 """The stage set beside controllers that do not do as they are told: what it leaves, and what it says of that."""
 import contextlib
+import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from types import SimpleNamespace
 
 import pytest
 
-from jaka_ros_driver.probe import report
+from jaka_ros_driver.probe import program, report
 from jaka_ros_driver.probe.ask import TimedReply
 from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
 from jaka_ros_driver.state import RobotState
@@ -168,6 +171,51 @@ def test_an_output_that_no_frame_shows_any_more_is_switched_back_and_to_nothing_
     sent = [given["value"] for name, given in desk.sent if name == "set_digital_output"]
     assert is_same and sent[0] != before[index - base] and set(sent[1:]) == {before[index - base]}, sent
     assert "could not be read back" in left[-1] and facts["io_index_base"].value is None
+
+
+_RUN = """
+import os, signal, sys
+from test_set_same import OddController
+from jaka_ros_driver.probe import program
+from jaka_ros_driver.probe.set_same import _switch_output
+number = int(sys.argv[1])
+signal.signal(signal.SIGINT, signal.default_int_handler)
+desk, plain = OddController(), OddController.ask
+
+def ask(name, patience=0.0, **given):
+    if name == "set_digital_output" and given["value"] == 0:  # the way back of what is refused
+        return plain(desk, "no_such_command")
+    reply = plain(desk, name, patience, **given)
+    if name == "set_digital_output":
+        os.kill(os.getpid(), number)
+    return reply
+desk.ask = ask
+program._Run.stages = lambda run: _switch_output(desk, run._facts, run._back, 3, lambda question: "") or 0
+sys.exit(program.main(["10.0.0.1", "--out", sys.argv[2], "--stage", "set"]))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+def test_a_signal_loses_no_account_of_what_is_not_set_back(tmp_path, number):
+    paths = os.pathsep.join([os.path.dirname(__file__), *filter(None, sys.path)])
+    done = subprocess.run([sys.executable, "-c", _RUN, str(int(number)), str(tmp_path / "out")], text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120.0,
+                          env={**os.environ, "PYTHONPATH": paths})
+    assert done.returncode == 128 + number and "Traceback" not in done.stdout, done.stdout
+    content = json.loads((tmp_path / "out" / "probe.json").read_text())
+    assert content["not_set_back"] == ["outputs 2 and 3, counted from 0: was [1, 0], is [1, 1]"]
+    assert content["is_whole"] is False and "NOT SET BACK" in done.stdout and "ended by" in done.stdout
+
+
+def test_a_closed_output_does_not_keep_the_report_from_being_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(program._Run, "stages",
+                        lambda run: run._back.left.append("an output") or program._tell("a line") or 1)
+
+    def closed(*words, **options):
+        raise OSError("Input/output error")
+    monkeypatch.setattr("builtins.print", closed)
+    program.main(["10.0.0.1", "--out", str(tmp_path / "out")])
+    assert json.loads((tmp_path / "out" / "probe.json").read_text())["not_set_back"] == ["an output"]
 
 
 def test_a_signal_waits_though_another_thread_can_take_it(ctrl_c):
