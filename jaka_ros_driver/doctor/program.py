@@ -162,7 +162,7 @@ def _parameters(words: Sequence[str]) -> Dict[str, Any]:
             raise ValueError("%s is not of the form NAME:=VALUE" % ascii(word))
         try:
             value = yaml.safe_load(text) if text else ""
-        except yaml.YAMLError:
+        except (yaml.YAMLError, ValueError, RecursionError):
             value = text
         values[name.lstrip("_")] = text if name.lstrip("_") == "ip" else value
     return values

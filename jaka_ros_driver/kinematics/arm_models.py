@@ -213,7 +213,9 @@ def _read_yaml(path: str) -> Any:
     with open(path, encoding="utf-8") as file:
         try:
             return yaml.load(file, Loader=loader)
-        except yaml.YAMLError as error:
+        except UnicodeDecodeError:
+            raise
+        except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or a number that is none
             raise InvalidCommand("is no YAML: " + _one_line(error).replace(path, "the file")) from error
 
 

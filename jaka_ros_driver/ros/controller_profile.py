@@ -1,6 +1,5 @@
 """A report of jaka_probe as the driver's knowledge of its controller: what it settles, and what stays assumed."""
 import json
-import math
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 REPORT_FORMAT = 1
@@ -44,8 +43,8 @@ _FIELDS: Dict[str, _Field] = {
     "io_index_base": _Field("io_index_base", lambda value: type(value) is int and value in (0, 1), "0 or 1"),
     "stop_ends_jog": _Field("stop_ends_jog", lambda value: type(value) is bool, "true or false"),
     "jog_stop_ends": _Field("jog_stop_ends", lambda value: value in ("any", "its axis"), "any or its axis"),
-    "feed_period": _Field("feed_period", lambda value: type(value) in (int, float) and math.isfinite(value)
-                          and 0.0005 <= value <= 60.0, "0.0005 to 60 s"),
+    "feed_period": _Field("feed_period", lambda value: type(value) in (int, float) and 0.0005 <= value <= 60.0,
+                          "0.0005 to 60 s"),
     "missing_commands": _Field("commands_missing", lambda value: type(value) is list and all(
         type(name) is str for name in value), "a list of names"),
 }

@@ -5,7 +5,6 @@
 import dataclasses
 import difflib
 import ipaddress
-import math
 import re
 import textwrap
 from dataclasses import dataclass
@@ -69,7 +68,7 @@ def _valid(is_valid: Callable[[Any], bool]) -> Callable[[Any], Any]:
 
 
 def _number(default: float, low: float, high: float, unit: str, doc: str) -> Any:
-    check = _valid(lambda value: type(value) in (int, float) and math.isfinite(value) and low <= value <= high)
+    check = _valid(lambda value: type(value) in (int, float) and low <= value <= high)
     return _parameter(default, "number", unit, "%g to %g" % (low, high), doc, lambda value: float(check(value)))
 
 

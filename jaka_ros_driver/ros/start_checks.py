@@ -81,7 +81,7 @@ def _problem_of(word: str, names: Container[str]) -> str:
     if re.match("_[^_]", name):
         try:
             return "" if yaml.safe_load(values[0]) is not None else "%s has no value: null in YAML" % word
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
             return "%s is no YAML: %s" % (word, " ".join(str(error).split()))
     return ""
 

@@ -192,3 +192,11 @@ def test_a_calibrated_angle_may_be_two_degrees_beside_its_familys(tmp_path, besi
     else:
         with pytest.raises(InvalidCommand, match="row 4"):
             load_model_file(write(tmp_path, values))
+
+
+@pytest.mark.parametrize("text", ["name: 2001-99-99", "name: " + "[" * 20000, "name: 1%s" % ("0" * 5000), "name: [}"])
+def test_a_model_file_that_is_no_yaml_is_refused_whatever_the_parser_raises(tmp_path, text):
+    path = tmp_path / "arm.yaml"
+    path.write_text(text)
+    with pytest.raises(JakaError, match="model file .*: "):
+        load_model_file(str(path))

@@ -32,7 +32,8 @@ def test_it_sets_the_first_terminal_where_nothing_else_does(report, values, base
     ({"io_index_base": True}, "fact io_index_base is True"),
     ({"stop_ends_jog": "yes"}, "valid: true or false"), ({"jog_stop_ends": ["any"]}, "valid: any or its axis"),
     ({"feed_period": float("nan")}, "valid: 0.0005 to 60 s"), ({"feed_period": 60.1}, "valid: 0.0005 to 60 s"),
-    ({"feed_period": 0.0004}, "valid: 0.0005 to 60 s"), ({"commands_missing": "all"}, "valid: a list of names"),
+    ({"feed_period": 0.0004}, "valid: 0.0005 to 60 s"), ({"feed_period": 10 ** 400}, "valid: 0.0005 to 60 s"),
+    ({"io_index_base": 10 ** 400}, "valid: 0 or 1"), ({"commands_missing": "all"}, "valid: a list of names"),
     ({"version": 17}, "valid: a text")])
 def test_a_fact_that_is_none_is_refused_with_its_name(report, facts, reason):
     with pytest.raises(WrongParameter) as told:

@@ -23,6 +23,7 @@ WRONG = [
     ("blocking", "true", "true or false"), ("blocking", 1, "true or false"), ("auto_enable", "no", "true or false"),
     ("activate_frames", 0, "true or false"), ("guard", None, "true or false"), ("publish_description", 2, "true or"),
     ("publish_rate", 0, "1 to 500 Hz"), ("publish_rate", 501.0, "1 to 500 Hz"), ("publish_rate", "125", "1 to 500 Hz"),
+    ("publish_rate", 10 ** 400, "1 to 500 Hz"), ("publish_rate", -10 ** 400, "1 to 500 Hz"),
     ("publish_rate", math.nan, "1 to 500 Hz"), ("stale_after", 0.0, "0.02 to 10 s"),
     ("stale_after", math.inf, "0.02 to 10 s"), ("stale_after", True, "0.02 to 10 s"), ("stale_after", [0.5], "0.02"),
     ("joint_states_topic", "", "ROS name"), ("joint_states_topic", "joint states", "ROS name"),

@@ -4,7 +4,6 @@ Names and meanings are those of ros_controllers' ``joint_trajectory_controller``
 What a cell has set there wins over the driver's own parameters.
 """
 import logging
-import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import JOINTS
@@ -64,7 +63,7 @@ def controller_params(config: DriverConfig, values: Any) -> ControllerParams:
         value = given.pop(key, None)
         if value is None:
             return default
-        if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+        if type(value) not in (int, float) or not low <= value <= high:
             wrong.append("parameter %s/%s is %.60r; valid: a number, %g to %g %s" % (name, key, value, low, high, unit))
             return default
         return float(value)

@@ -149,7 +149,7 @@ def _terminals(value: Any) -> Dict[Tuple[str, str, int], float]:
                 place = "terminals.%s.%s.%s" % (bank, side, index)
                 try:
                     number = int(index)
-                except (TypeError, ValueError):
+                except (TypeError, ValueError, OverflowError):
                     raise InvalidCommand("%s: the index must be a whole number" % place) from None
                 found[bank, side, number] = _number(int(level) if isinstance(level, bool) else level, -1e9, 1e9, place)
     return found

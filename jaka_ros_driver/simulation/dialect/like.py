@@ -1,6 +1,5 @@
 """A report of jaka_probe as the controller that it was made of: firmware, model, dialect, and how hard it brakes."""
 import json
-import math
 from typing import Any, Dict, NamedTuple, Optional
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -58,7 +57,7 @@ def like_controller(path: str, firmware: Optional[str] = None) -> LikeController
     models = _value(content["facts"], "model")
     model = models[0] if isinstance(models, list) and models and isinstance(models[0], str) else ""
     rate = _value(content["facts"], "stop_deceleration")
-    is_rate = type(rate) in (int, float) and math.isfinite(rate) and rate > 0.0
+    is_rate = type(rate) in (int, float) and 0.0 < rate < 1e300  # JSON has numbers that no float holds
     return LikeController(told, model, dialect, float(rate) if is_rate else None)
 
 

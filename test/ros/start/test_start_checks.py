@@ -122,7 +122,7 @@ def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node
 @pytest.mark.parametrize("word, problem", [
     ("_ip:= ", "_ip:=  has no value"), ("_model:=", "_model:= has no value"),
     ("_ip:=~", "_ip:=~ has no value: null in YAML"), ("~ip:=10.5.5.100", "the parameter is set by _ip:=10.5.5.100"),
-    ("_ip:=10.5.5.100:=1", "has := more than once"), ("_ip:=[10.5", "is no YAML"),
+    ("_ip:=10.5.5.100:=1", "has := more than once"), ("_ip:=[10.5", "is no YAML"), ("_ip:=2001-99-99", "is no YAML"),
     ("__ns:=", "__ns:= has no value"), ("joint_states:=", "joint_states:= has no value")])
 def test_so_is_any_other_word_without_the_effect_that_it_seems_to_have(word, problem):
     with pytest.raises(WrongParameter) as caught:

@@ -57,6 +57,7 @@ def test_joints_are_known_with_the_prefix_of_the_frames(caplog):
 
 @pytest.mark.parametrize("text, what", [
     ("constraints: {goal_time: -1}", "jaka_zu7_controller/constraints/goal_time is -1; valid: a number, 0 to 60 s"),
+    ("constraints: {joint_2: {trajectory: 1%s}}" % ("0" * 400), "valid: a number, 0 to 10 rad"),
     ("constraints: {joint_2: {trajectory: .nan}}",
      "constraints/joint_2/trajectory is nan; valid: a number, 0 to 10 rad"),
     ("constraints: {joint_2: {goal: wide}}", "constraints/joint_2/goal is 'wide'"),

@@ -76,6 +76,9 @@ def test_what_is_not_told_is_as_after_a_start():
     ({"terminals": {"cabinets": {}}}, "'cabinets' is not known"),
     ({"terminals": {"cabinet": {"inputs": {}}}}, "'inputs'"),
     ({"terminals": {"cabinet": {"digital_inputs": [1]}}}, "values by index"),
+    ({"terminals": {"cabinet": {"digital_inputs": {math.inf: 1}}}}, "the index must be a whole number"),
+    ({"terminals": {"cabinet": {"digital_inputs": {math.nan: 1}}}}, "the index must be a whole number"),
+    ({"terminals": {"cabinet": {"analog_outputs": {1: 10 ** 400}}}}, "it must be"),
     ({"terminals": {"cabinet": {"digital_inputs": {"x": 1}}}}, "whole number"),
     ({"terminals": {"cabinet": {"digital_inputs": {100000: 1}}}}, "no digital input 100000"),
     ({"terminals": {"cabinet": {"analog_outputs": {0: 1e8}}}}, "is beyond")])

@@ -42,6 +42,12 @@ def test_a_report_that_is_none_is_refused_with_the_reason(tmp_path, changes, rea
         like_controller(str(tmp_path / "none.json"))
 
 
+@pytest.mark.parametrize("rate", [10 ** 400, -10 ** 400, math.inf, math.nan, 0, True, "40"])
+def test_a_deceleration_that_is_none_is_left_out(tmp_path, rate):
+    found = like_controller(written(tmp_path, facts={"stop_deceleration": {"value": rate}}))
+    assert found.stop_deceleration is None
+
+
 def stopped(share, speed=0.3, seconds=1.0, target=None):
     """Return seconds and way, rad, of a stop of joint 6 at this share of the strongest deceleration."""
     plant = Plant(load_model("zu7"))
