@@ -21,6 +21,7 @@ _ANSWER_S = 3.0
 _SHORT_S = 1.0
 _POLLED_S = 2.0
 _GLANCE_S = 0.01
+_LONGEST_PERIOD_MS = 1e6
 _ENVELOPE = frozenset(("cmdName", "errorCode", "errorMsg"))
 NOT_KNOWN = "1"
 """``errorCode`` of what a controller does not understand (docs/controller-protocol.md section 4.3)."""
@@ -196,8 +197,8 @@ def _told_period(value: Any) -> Fact:
     """Return the period, s, of an answer in ms, which may be a text of digits."""
     if isinstance(value, str) and value.isdigit() and len(value) < 7:
         value = int(value)
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return Fact(None, "it does not answer with a number")
+    if type(value) not in (int, float) or not 0 <= value <= _LONGEST_PERIOD_MS:
+        return Fact(None, "it does not answer with a period")
     return Fact(round(value / 1000.0, 4), "as it answers")
 
 

@@ -8,11 +8,13 @@ from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
 from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
-from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range, Subset
+from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Choice, Range, Subset
 from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMAT
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
 _WIDTH = 110
+_LARGEST = 1e12
+"""Largest number in a fact: no quantity of an arm is larger."""
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
               "move_acceleration": 0.1, "move_jerk_time": 0.05}
 """Differences that are chance: of times, s; of a length, as a share; of an acceleration, in times what was asked."""
@@ -78,12 +80,30 @@ def read(path: str) -> Dict[str, Any]:
 
 
 def facts_of(content: Mapping[str, Any]) -> Facts:
-    """Return the facts in a probe.json; raise ReportError where one is none."""
+    """Return the facts in a probe.json; raise ReportError where one is none, or its value is of another kind."""
     try:
-        return {name: Fact(row["value"], str(row["how"]), str(row.get("spread", "")))
-                for name, row in content["facts"].items() if name in DESCRIBED}
+        facts = {name: Fact(row["value"], str(row["how"]), str(row.get("spread", "")))
+                 for name, row in content["facts"].items() if name in DESCRIBED}
     except (TypeError, KeyError, AttributeError) as error:
         raise ReportError("a fact of this probe.json cannot be read: %r" % error) from error
+    for name, fact in facts.items():
+        kind = "" if fact.value is None else _other_kind(name, fact.value)
+        if kind:
+            raise ReportError("the fact %s of this probe.json is %.60r; it must be %s" % (name, fact.value, kind))
+    return facts
+
+
+def _other_kind(name: str, value: Any) -> str:
+    """Return what kind of value a fact must have; "" where this is one. Which one of the kind it is does not matter."""
+    dimension = DIMENSIONS.get(DESCRIBED[name].dimension)
+    if DESCRIBED[name].unit or isinstance(dimension, Range):
+        return "" if type(value) in (int, float) and abs(value) <= _LARGEST else "a number"
+    if isinstance(dimension, Subset) or name.endswith("_unknown"):
+        return "" if type(value) is list and all(type(one) is str for one in value) else "a list of names"
+    if isinstance(dimension, Choice):
+        kind = type(dimension.values[0])
+        return "" if type(value) is kind else {bool: "true or false", int: "a whole number"}.get(kind, "a text")
+    return ""
 
 
 def firmware_of(facts: Facts) -> str:

@@ -282,7 +282,7 @@ def _is_equal(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_is_equal, one, other))
     try:
         return math.isclose(float(one), float(other), rel_tol=1e-6, abs_tol=1e-3)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return bool(one == other)
 
 
@@ -303,7 +303,7 @@ class _Frames(NamedTuple):
             if reply is not None:
                 decode(Query.TOOL_FRAMES if self.kind == "tool" else Query.USER_FRAMES, reply)
                 return [list(map(float, row)) for row in reply["%s_offsets" % self.kind]]
-        except (JakaError, KeyError, TypeError, ValueError):
+        except (JakaError, KeyError, TypeError, ValueError, OverflowError):
             pass
         return None
 

@@ -273,6 +273,27 @@ def test_a_report_that_is_none_is_refused(tmp_path, text):
     assert done.returncode == 1 and done.stderr.startswith("jaka_probe: error: ") and "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("name, value", [
+    ("feed_period", "x"), ("feed_period", True), ("feed_period", float("nan")), ("start_delay", [1]),
+    ("reply_time", 10 ** 400), ("commands_missing", 3), ("commands_missing", [[1]]), ("frame_fields_unknown", "all"),
+    ("twin_angle", "x"), ("io_index_base", [0]), ("stop_ends_jog", "yes"), ("error_code", {})])
+def test_a_fact_of_another_kind_is_refused_with_its_name(tmp_path, capsys, name, value):
+    facts = {name: {"value": value, "how": "x"}, "twin_time": {"value": 0.1, "how": "x"},
+             "version": {"value": "1.7.2", "how": "x"}}
+    path = tmp_path / "probe.json"
+    path.write_text(json.dumps({"format": 1, "facts": facts}))
+    for words in (["explain", str(path)], ["diff", str(path), str(path)]):
+        assert program.main(words) == 1
+        said = capsys.readouterr().err
+        assert said.startswith("jaka_probe: error: ") and name in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize("value", [10 ** 400, float("inf"), -1, True, "1" * 5000, None])
+def test_a_period_that_is_none_is_not_settled(value):
+    assert questions._told_period(value).value is None
+    assert questions._told_period(8).value == questions._told_period("8").value == 0.008
+
+
 def test_wrong_usage_has_code_2(tmp_path):
     for words in (["10.0.0.1"], ["explain"], ["diff", "a"], ["10.0.0.1", "x", "--out", "y"],
                   ["10.0.0.1", "--out", "y", "--seconds", "0"], ["10.0.0.1", "--out", "y", "--stage", "jump"],

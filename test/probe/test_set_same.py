@@ -13,7 +13,7 @@ import pytest
 
 from jaka_ros_driver.probe import program, report
 from jaka_ros_driver.probe.ask import TimedReply
-from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
+from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, _is_equal, set_same, uninterrupted
 from jaka_ros_driver.state import RobotState
 
 
@@ -216,6 +216,11 @@ def test_a_closed_output_does_not_keep_the_report_from_being_written(tmp_path, m
     monkeypatch.setattr("builtins.print", closed)
     program.main(["10.0.0.1", "--out", str(tmp_path / "out")])
     assert json.loads((tmp_path / "out" / "probe.json").read_text())["not_set_back"] == ["an output"]
+
+
+@pytest.mark.parametrize("odd", [10 ** 400, float("nan"), "x", None, [1.0]])
+def test_a_number_that_no_float_holds_is_another_value(odd):
+    assert not _is_equal({"mass": odd}, {"mass": 1.0}) and _is_equal({"mass": 1.0000001}, {"mass": 1})
 
 
 def test_a_signal_waits_though_another_thread_can_take_it(ctrl_c):
