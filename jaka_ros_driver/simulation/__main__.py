@@ -21,7 +21,7 @@ from jaka_ros_driver.simulation.simulated_controller import SINGLE_CLIENT, Simul
 from jaka_ros_driver.units import deg_to_rad
 from jaka_ros_driver.wire import proxy
 from jaka_ros_driver.wire.sockets import LOOPBACK
-from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.startup import port_number, print_ports, raise_priority, stop_on_signals
 
 _MODEL, _FIRMWARE = "zu7", "1.5.14"
 """Model and firmware where nothing tells others."""
@@ -100,8 +100,8 @@ def _serving_parser() -> argparse.ArgumentParser:
     for port, default, text in (
             ("command", PORT_NUMBERS["command"], "commands"), ("status", PORT_NUMBERS["status"], "status feed"),
             ("poll", PORT_NUMBERS["poll"], "polled status"), ("panel", 0, "operator port, -1 for none")):
-        parser.add_argument("--%s-port" % port, type=int, default=default, metavar="N",
-                            help="%s; 0 for a free port, default %d" % (text, default))
+        parser.add_argument("--%s-port" % port, type=port_number(-1 if port == "panel" else 0), default=default,
+                            metavar="N", help="%s; 0 for a free port, default %d" % (text, default))
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
                         help="simulated seconds a wall second, default 1")
     parser.add_argument("--firmware", choices=list(FIRMWARES),
@@ -140,8 +140,8 @@ def _operate(arguments: List[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="jaka_sim panel", formatter_class=argparse.RawDescriptionHelpFormatter, epilog="actions:\n" + actions,
         description="Send a request to the operator port of a running simulated controller; prints the answer, JSON.")
-    parser.add_argument("--port", type=int, required=True, metavar="N", help="the operator port, from the first line "
-                        "of the simulated controller")
+    parser.add_argument("--port", type=port_number(1), required=True, metavar="N",
+                        help="the operator port, from the first line of the simulated controller")
     parser.add_argument("action", metavar="ACTION", choices=list(ACTIONS))
     parser.add_argument("parameters", nargs="*", metavar="key=value", help="value is JSON, or text")
     options = parser.parse_args(arguments)

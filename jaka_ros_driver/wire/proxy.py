@@ -20,7 +20,7 @@ from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.port_server import PortServer
 from jaka_ros_driver.wire.sockets import LOOPBACK
-from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.startup import port_number, print_ports, raise_priority, stop_on_signals
 
 _CONNECT_S = 3.0
 _LOG_TIMEOUT_S = 0.5
@@ -205,9 +205,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--log", metavar="FILE.mcap", required=True, help="the wire log to write")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
     for port, number in PORT_NUMBERS.items():
-        parser.add_argument("--%s-port" % port, type=int, default=number, metavar="N",
+        parser.add_argument("--%s-port" % port, type=port_number(0), default=number, metavar="N",
                             help="where to listen; 0 for a free port, default %d" % number)
-        parser.add_argument("--controller-%s-port" % port, type=int, default=number, metavar="N",
+        parser.add_argument("--controller-%s-port" % port, type=port_number(1), default=number, metavar="N",
                             help="of the controller, default %d" % number)
     options = vars(parser.parse_args(argv))
     try:

@@ -32,7 +32,7 @@ from jaka_ros_driver.wire.recorded_session import (
     recorded_session,
 )
 from jaka_ros_driver.wire.sockets import LOOPBACK
-from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.startup import port_number, print_ports, raise_priority, stop_on_signals
 
 _EARLY_S = 0.05
 """Lead, s, with which a port opens before its next recorded connection, so that a client that retries finds it in time.
@@ -263,7 +263,7 @@ def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
     parser.add_argument("--patience", type=float, default=PATIENCE_S, metavar="S",
                         help="longest wait for a request that moved the arm, s, default %g" % PATIENCE_S)
     for port in PORTS:
-        parser.add_argument("--%s-port" % port, type=int, default=0, metavar="N", help="default: a free one")
+        parser.add_argument("--%s-port" % port, type=port_number(0), default=0, metavar="N", help="default: a free one")
     options = parser.parse_args(argv)
     if not 0.1 <= options.speed <= 100.0:
         parser.error("--speed is %g; it must be 0.1 to 100" % options.speed)

@@ -1,4 +1,5 @@
 """The start of the commands that serve a controller's ports: priority, signals, the first line of output."""
+import argparse
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ _SWITCH_INTERVAL_S = 0.0005
 """The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _PRIORITY = 10
 _NICENESS = -10
+_HIGHEST_PORT = 65535
 
 
 def raise_priority(realtime: bool) -> None:
@@ -28,6 +30,16 @@ def raise_priority(realtime: bool) -> None:
     except OSError as error:
         if realtime:
             print("jaka_sim: warning: no real-time priority: %s" % error, file=sys.stderr)
+
+
+def port_number(lowest: int) -> Callable[[str], int]:
+    """Return the type of an option that takes a TCP port; ``lowest`` is 0 where a free one may be asked for."""
+    def number(text: str) -> int:
+        value = int(text)
+        if not lowest <= value <= _HIGHEST_PORT:
+            raise argparse.ArgumentTypeError("must be from %d to %d" % (lowest, _HIGHEST_PORT))
+        return value
+    return number
 
 
 def stop_on_signals(stop: Callable[[], None]) -> None:

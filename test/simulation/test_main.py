@@ -127,10 +127,16 @@ def test_listening_for_all_is_warned_of(start):
     (["--firmware", "9"], 2, "invalid choice"),
     (["--unknown"], 2, "unrecognized"),
     (["panel"], 2, "required"),
+    (["--command-port", "70000"], 2, "must be from 0 to 65535"),
+    (["--panel-port", "-2"], 2, "must be from -1 to 65535"),
+    (["--status-port", "x"], 2, "invalid"),
+    (["panel", "--port", "70000", "state"], 2, "must be from 1 to 65535"),
+    (["proxy", "10.0.0.1", "--log", "no.mcap", "--controller-command-port", "70000"], 2, "must be from 1 to 65535"),
+    (["proxy", "10.0.0.1", "--log", "no.mcap", "--status-port", "70000"], 2, "must be from 0 to 65535"),
 ])
 def test_wrong_use(arguments, code, words, capsys):
     try:
-        result = main(arguments + ([] if arguments[0] == "panel" else FREE))
+        result = main(arguments + ([] if arguments[0] in ("panel", "proxy") else FREE))
     except SystemExit as end:
         result = end.code
     assert result == code
