@@ -12,17 +12,20 @@ import numpy as np
 from jaka_bag.compare.runs.run import Run
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
-from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
+from jaka_bag.driver_interface import DIAGNOSTICS_TYPE, INPUT_TOPICS
 from jaka_bag.messages.batch import Array
 from jaka_bag.messages.selection import Selection
 from jaka_bag.messages.values import ValueReaders
 from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
+from .driver_inputs import Input, SentMessage
+from .uncaused_motions import MOVING_SERVICES
+
 TOLD = {"model": ("versions", "model"), "interface": ("versions", "interface"), "tool": ("controller state", "tool"),
         "user-frame": ("controller state", "user frame"), "override": ("controller state", "speed override")}
 """The conditions that ``/diagnostics`` tells of: status and key of each."""
-KEYS = (*TOLD, "pose", "clock", "motion")
+KEYS = (*TOLD, "pose", "clock", "motion", "start")
 """All conditions, as ``--anyway`` names them."""
 _SAME_RATE = 0.005
 _SAME_PLACE_M = 0.002
@@ -33,6 +36,9 @@ _REACH_M = 2.0
 _MILLIMETRES = 10.0
 """Coordinate above which a pose is in mm and degrees, as ``interface:=vendor`` has it: no arm reaches 10 m, and none
 has its tool within 10 mm of its base."""
+_JOINTS = "/joint_position"
+_OF_THE_ARM = ("joint_path_command", "joint_trajectory_action")
+"""Beginnings of the input topics that stand in an arm's namespace; the others are a node's there."""
 _LONGEST_GAP_S = 10.0
 _STEADY_S = 1.0
 Conditions = Mapping[str, str]
@@ -105,10 +111,10 @@ def differences(before: Conditions, now: Conditions) -> List[Difference]:
             for key in TOLD if key in before and key in now and not _is_same(key, before[key], now[key])]
 
 
-def untold(before: Conditions, now: Conditions) -> List[str]:
-    """Return the conditions that cannot be compared, in words."""
-    return [key.replace("-", " ") for key in TOLD if key not in before or key not in now] + [
-        "payload", "collision level"]
+def untold(before: Conditions, now: Conditions, has_pose: bool = True) -> List[str]:
+    """Return the conditions that cannot be compared, in words; the tool's pose too where the log lacks it."""
+    return [key.replace("-", " ") for key in TOLD if key not in before or key not in now] + (
+        [] if has_pose else ["tool pose"]) + ["payload", "collision level"]
 
 
 def pose_difference(before: ToolPlace, now: ToolPlace) -> List[Difference]:
@@ -129,6 +135,24 @@ def pose_difference(before: ToolPlace, now: ToolPlace) -> List[Difference]:
         return []
     return [Difference("pose", "where the log began, the tool is %.1f mm and %.1f deg from where it was at the same "
                        "joints: another model, tool, frame or interface" % (1e3 * distance, math.degrees(angle)))]
+
+
+def unchecked_starts(run: Run, inputs: Sequence[Input]) -> List[Difference]:
+    """Return the arms that are to move though the log does not tell where they stood: nothing of them is checked.
+
+    Args:
+        run: The log.
+        inputs: The calls and messages that are made again.
+    """
+    nodes = {topic[:-len(_JOINTS)] for topic, track in run.joints.items()
+             if topic.endswith(_JOINTS) and track.facts.finite_count}
+    arms = {node.rpartition("/")[0] for node in nodes}
+    missing = {call.topic.rpartition("/")[0] for call in inputs if not isinstance(call, SentMessage)
+               and call.short_name in (*MOVING_SERVICES, "drag_mode")} - nodes
+    missing |= {arm or "/" for arm in {_arm_of_input(one.service) for one in inputs if isinstance(one, SentMessage)
+                                       and not one.service.endswith("/cancel")} - arms}
+    return [Difference("start", "the log does not tell where %s stood: it has no %s of it with numbers, and whether "
+                       "the arm stands there now cannot be seen" % (name, _JOINTS[1:])) for name in sorted(missing)]
 
 
 def clock_trouble(run: Run) -> List[Difference]:
@@ -161,6 +185,13 @@ def clock_trouble(run: Run) -> List[Difference]:
 def log_begins_ns(run: Run) -> int:
     """Return the time up to which the conditions before the first call are told, ns since the epoch."""
     return run.start_ns + int(min([call.start for call in run.calls], default=0.0) * NS_PER_S)
+
+
+def _arm_of_input(topic: str) -> str:
+    """Return the namespace of the arm that an input topic belongs to."""
+    name = max([name for name in INPUT_TOPICS if topic.endswith("/" + name)], key=len, default="")
+    place = topic[:-len(name) - 1]
+    return place if name.startswith(_OF_THE_ARM) else place.rpartition("/")[0]
 
 
 def _is_same(key: str, before: str, now: str) -> bool:

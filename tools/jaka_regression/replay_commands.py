@@ -1,6 +1,7 @@
 """``jaka_bag replay-commands``: the command line that makes the service calls of a log again."""
 import argparse
 import json
+import math
 import select
 import signal
 import sys
@@ -9,7 +10,7 @@ from typing import Any, List, Optional
 
 from jaka_bag.cli.quantities import duration, positive_number
 from jaka_bag.compare.runs.loading import load_run
-from jaka_bag.compare.runs.run import Run
+from jaka_bag.compare.runs.run import LongTrack, Run
 from jaka_bag.errors import BagError, JakaBagError, UsageError
 from jaka_bag.interrupts import Flag
 
@@ -26,6 +27,7 @@ from .preconditions import (
     differences,
     log_begins_ns,
     pose_difference,
+    unchecked_starts,
     untold,
 )
 from .uncaused_motions import in_words, uncaused_motions
@@ -35,6 +37,8 @@ _START_ACCELERATION = 0.5
 _REACH_RAD = 0.01
 _LOOK_S = 0.1
 _JOINTS = "/joint_position"
+_OWN_SPEED = ("play", "resume", "set_speed_slider")
+"""Calls after which the arm moves at a speed that no field of theirs tells, of a program or of what was paused."""
 _TOLD_WITHIN_S = 3.0
 """Time, s, to wait for a message that a driver publishes once a second."""
 
@@ -45,15 +49,16 @@ recorded time, but never before what it followed has ended; what overlapped over
 
 Nothing moves where the log does not fit: model, interface, tool, user frame and speed override must be those of the
 log, where both tell of them on /diagnostics; the same joints must put the tool at the same pose; the log's clock must
-not have been set; and each of its motions must have been begun by what is made again. --anyway KEY leaves one of these
-out. Payload and collision level are on no topic: set them.
+not have been set; each of its motions must have been begun by what is made again; and it must tell where an arm stood
+that is to move. --anyway KEY leaves one of these out. Payload and collision level are on no topic: set them.
 
 The arm must stand where the log began; --go-to-start moves it there first, slowly (0.2 rad/s), by joint_move: see
 that the way is free. The replay ends at the first call that is refused and was not in the log; then, as after Ctrl-C,
 stop_move is called.
 
 --speed-limit 25 asks for at most 25 % of each recorded speed, and stretches the times between calls as much; what is no
-call has a time of its own, and is not slowed down: a log with such is refused then.
+call has a time of its own, and what plays a program, resumes or sets the override moves at a speed of its own: a log
+with such is refused then.
 --dry-run prints the calls and needs neither ROS nor a driver.
 
 examples:
@@ -130,11 +135,16 @@ def run(args: argparse.Namespace) -> int:
     if stretch != 1.0 and timed:
         raise UsageError("%s has %s, which go by their own time: no --speed-limit, and no --time-scale" % (
             args.log, ", ".join(timed)))
+    fast = sorted({one.service for one in inputs if not isinstance(one, SentMessage) and one.short_name in _OWN_SPEED})
+    if args.speed_limit < 100.0 and fast:
+        raise UsageError("%s has %s, after which the arm moves as fast as it may, for no call tells that speed: no "
+                         "--speed-limit" % (args.log, ", ".join(fast)))
     planned = plan(inputs, stretch)
     if args.dry_run:
         print(as_text(planned))
         return 0
     _require_same(args, clock_trouble(log))
+    _require_same(args, unchecked_starts(log, inputs))
     uncaused = uncaused_motions(log, inputs, {})
     _require_same(args, [Difference("motion", in_words(uncaused))] if uncaused else [])
     return _play(args, log, planned)
@@ -223,14 +233,22 @@ def _check_conditions(args: argparse.Namespace, client: Any, log: Run, node: str
     now = client.conditions(node, _TOLD_WITHIN_S)
     _require_same(args, differences(before, now), node)
     if not args.quiet and not args.progress:
-        print("%s: not compared, for it is not told: %s" % (node, ", ".join(untold(before, now))), flush=True)
+        print("%s: not compared, for it is not told: %s" % (
+            node, ", ".join(untold(before, now, _pose_of(log, node) is not None))), flush=True)
+
+
+def _pose_of(log: Run, node: str) -> Optional[LongTrack]:
+    """Return the tool's recorded poses; None where they are not compared, as they, or the joints, are not there."""
+    tracks = [track for track in (log.poses.get(node + "/tool_position"), log.joints.get(node + _JOINTS))
+              if track is not None and track.facts.finite_count]
+    return tracks[0] if len(tracks) == 2 else None
 
 
 def _check_pose(args: argparse.Namespace, client: Any, log: Run, topic: str) -> None:
     """Compare where the tool is at the joints of the log's begin."""
     joints = log.joints[topic]
-    tool = log.poses.get(topic.rsplit("/", 1)[0] + "/tool_position")
-    if tool is None or not tool.facts.finite_count:
+    tool = _pose_of(log, topic.rsplit("/", 1)[0])
+    if tool is None:
         return
     pose = tool.beginning()
     stood = joints.at(pose.time[:1])[0]
@@ -243,6 +261,9 @@ def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[
     here = client.joint_position(topic, args.wait)
     if len(here) != len(start):
         raise BagError("%s has %d joints, %d in the log" % (topic, len(here), len(start)))
+    unknown = [number for number, value in enumerate(here, 1) if not math.isfinite(value)]
+    if unknown:
+        raise BagError("%s: where joint %d stands is no number" % (topic, unknown[0]))
     away = [abs(a - b) for a, b in zip(here, start)]
     if max(away) <= args.start_tolerance:
         return
@@ -252,7 +273,7 @@ def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[
     client.move_to(topic.rsplit("/", 1)[0], start, _START_SPEED, _START_ACCELERATION)
     while True:
         here = client.joint_position(topic, max(end - time.monotonic(), 1.0))
-        if max(abs(a - b) for a, b in zip(here, start)) <= args.start_tolerance:
+        if all(abs(a - b) <= args.start_tolerance for a, b in zip(here, start)):
             return
         if time.monotonic() > end:
             raise BagError("%s: the arm did not reach where the log began" % topic)
