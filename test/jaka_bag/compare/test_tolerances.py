@@ -1,8 +1,14 @@
 """Tolerance files: a missing name keeps its default, an unknown one is refused."""
+import re
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from jaka_bag.compare.tolerances import (
     FieldTolerance,
+    JointTolerance,
+    TimingTolerance,
     ToleranceError,
     Tolerances,
     as_yaml,
@@ -57,3 +63,26 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "latin.yaml").write_bytes(b"\xe9\xff")
     with pytest.raises(ToleranceError, match="not UTF-8"):
         load_tolerances(tmp_path / "latin.yaml")
+
+
+AMOUNTS = st.floats(0.0, allow_infinity=False, allow_nan=False) | st.sampled_from([5e-05, 1e-6, 1e22, 0.1 + 0.2, 5e-324])
+NAMES = st.text(max_size=12) | st.sampled_from(["yes", "null", "5", "a: b", "left,2", "it's", "#", "\x7f\x85", "臂", "𝛼", "- "])
+PATTERNS = NAMES.map(re.escape) | st.sampled_from([r"(.*/)?it's\.\w+", r"a\d{2}'", " b "])
+SHORT = {"max_size": 3}
+
+
+@given(AMOUNTS, st.dictionaries(NAMES, AMOUNTS, **SHORT), st.lists(PATTERNS, **SHORT), st.lists(PATTERNS, **SHORT),
+       st.lists(PATTERNS, **SHORT),
+       st.dictionaries(NAMES, st.dictionaries(NAMES, st.builds(FieldTolerance, AMOUNTS, AMOUNTS, st.booleans()), **SHORT),
+                       **SHORT),
+       st.dictionaries(NAMES, st.dictionaries(
+           NAMES, st.dictionaries(AMOUNTS, AMOUNTS, min_size=1, max_size=3).map(lambda steps: tuple(sorted(
+               steps.items()))), **SHORT), **SHORT))
+@settings(max_examples=60, deadline=None)
+def test_whatever_tolerances_hold_survives_being_written_and_read(amount, joints, ignored, optional, left, fields,
+                                                                  envelopes):
+    changed = Tolerances(
+        joints=JointTolerance(amount, 0.0, joints), timing=TimingTolerance(wait_s=amount), ignore_topics=tuple(ignored),
+        optional_topics=tuple(optional), ignore_fields=tuple(left), fields=fields, envelopes=envelopes)
+    text = as_yaml(changed)
+    assert parse_tolerances(text) == changed and text.isascii()

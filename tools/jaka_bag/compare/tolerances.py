@@ -1,7 +1,6 @@
 """The tolerances of a candidate: the defaults, and YAML files that change them."""
 import dataclasses
 import difflib
-import json
 import math
 import re
 from dataclasses import dataclass, field
@@ -315,7 +314,23 @@ def load_tolerances(path: Optional[PathLike]) -> Tolerances:
 
 def _number_text(value: float) -> str:
     text = "%g" % value
+    if float(text) != value:
+        text = "%r" % value
     return text if "e" not in text or "." in text else text.replace("e", ".0e")  # YAML takes 1e-06 for a text
+
+
+def _quoted(text: str) -> str:
+    return str(yaml.safe_dump(text, default_style='"', width=math.inf)).strip()
+
+
+def _name_text(name: str) -> str:
+    return name if re.fullmatch(r"/[A-Za-z0-9_/]+", name) else _quoted(name)
+
+
+def _pattern_text(pattern: str) -> str:
+    """Return a pattern in single quotes, in which backslashes stay what they are, unless it has odd characters."""
+    is_plain = pattern.isascii() and pattern.isprintable()
+    return "'%s'" % pattern.replace("'", "''") if is_plain else _quoted(pattern)
 
 
 def as_yaml(tolerances: Tolerances) -> str:
@@ -326,15 +341,16 @@ def as_yaml(tolerances: Tolerances) -> str:
         section = getattr(tolerances, name)
         for item in dataclasses.fields(kind):
             value = getattr(section, item.name)
-            shown = "{%s}" % ", ".join("%s: %s" % pair for pair in value.items()) if item.name == "per_joint" \
-                else value if isinstance(value, str) else _number_text(value)
+            shown = "{%s}" % ", ".join(
+                "%s: %s" % (_quoted(joint), _number_text(limit)) for joint, limit in value.items()) \
+                if item.name == "per_joint" else value if isinstance(value, str) else _number_text(value)
             lines.append("  %s: %s  # %s" % (item.name, shown, item.metadata["doc"]))
     lines += ["", "nan: %s  # same, fail or ignore" % tolerances.nan,
               "ignore_topics:  # regular expressions for whole names"]
-    lines += ["  - '%s'" % pattern for pattern in tolerances.ignore_topics] or ["  []"]
-    lines += ["optional_topics: [%s]" % ", ".join("'%s'" % p for p in tolerances.optional_topics),
+    lines += ["  - " + _pattern_text(pattern) for pattern in tolerances.ignore_topics] or ["  []"]
+    lines += ["optional_topics: [%s]" % ", ".join(map(_pattern_text, tolerances.optional_topics)),
               "ignore_fields: [%s]  # regular expressions for topic, blank and field" % ", ".join(
-                  "'%s'" % p for p in tolerances.ignore_fields),
+                  map(_pattern_text, tolerances.ignore_fields)),
               "# Numeric fields with limits of their own, by topic and field path:",
               "# fields:", "#   /left/force:", "#     wrench.force.z: {absolute: 0.5, relative: 0.01, wraps: false}"]
     if tolerances.fields:
@@ -344,8 +360,8 @@ def as_yaml(tolerances: Tolerances) -> str:
         lines += ["# Limits along the golden log, by topic and joint, position (mm), orientation (rad) or field path:",
                   "# [from this golden time, s, limit]; a check that has one has no other limit.", "envelopes:"]
     for topic, envelopes in tolerances.envelopes.items():
-        lines.append("  %s:" % topic)
-        lines += ["    %s: [%s]" % (json.dumps(name), ", ".join("[%s, %s]" % tuple(map(_number_text, step))
+        lines.append("  %s:" % _name_text(topic))
+        lines += ["    %s: [%s]" % (_quoted(name), ", ".join("[%s, %s]" % tuple(map(_number_text, step))
                                                                 for step in envelope))
                   for name, envelope in envelopes.items()]
     return "\n".join(lines) + "\n"
