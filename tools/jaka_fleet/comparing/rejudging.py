@@ -30,8 +30,11 @@ def needs_logs(before: Tolerances, after: Tolerances) -> List[str]:
     """Return the tolerances, as ``streams.gap_s``, that differ and decide what is measured."""
     names = ["%s.%s" % (section, name) for section, keys in _READ_AGAIN.items() for name in keys
              if getattr(getattr(before, section), name) != getattr(getattr(after, section), name)]
-    names += [name for name in ("contents", "nan", "ignore_topics", "ignore_fields")
+    names += [name for name in ("contents", "nan", "ignore_topics", "ignore_fields", "envelopes")
               if getattr(before, name) != getattr(after, name)]
+    if before.envelopes:  # below an envelope no samples were counted for other limits
+        names += ["%s.outside_percent" % section for section in ("joints", "tcp") if getattr(
+            before, section).outside_percent != getattr(after, section).outside_percent]
     plain = [{(topic, field): dataclasses.replace(rule, absolute=0.0)
               for topic, rules in one.fields.items() for field, rule in rules.items()} for one in (before, after)]
     return names + (["fields"] if plain[0] != plain[1] else [])
@@ -89,6 +92,8 @@ def _rejudged(check: CheckOutcome, limits: Tolerances) -> CheckOutcome:
         return check
     if aspect == Aspect.CONTENTS.value and not check.field.endswith(" timing"):
         return check  # its limit follows from the golden log
+    if aspect in SAMPLED and not check.evidence:
+        return check  # its limit is an envelope, the same one
     if aspect in SAMPLED:
         return _samples_again(check, *_sample_limits(check, limits))
     if aspect == Aspect.PACE.value:
