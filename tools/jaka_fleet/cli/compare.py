@@ -20,9 +20,9 @@ from ..comparing.junit import as_junit
 from ..comparing.outcome import DIFFERENT, NOT_COMPARED, SAME, UNKNOWN, RunOutcome, worst_first
 from ..comparing.page import as_page
 from ..comparing.rejudging import needs_logs, rejudged
-from ..comparing.store import Results, Setup, stored
+from ..comparing.store import REPORTS, Results, Setup, stored
 from ..comparing.summary import WORST, as_data, as_text
-from ..comparing.task import CompareSettings, compare_task, file_hash
+from ..comparing.task import CompareSettings, compare_task, file_hash, find_cell
 from ..dataset.adding import find_logs
 from ..dataset.runs import UNREADABLE, check_version, is_dataset, read_runs
 from ..dataset.store import open_store
@@ -53,7 +53,7 @@ examples:
 
 FOLDER = "compare"
 """Folder of a data set where results are."""
-PAGE, REPORTS = "report.html", "reports"
+PAGE = "report.html"
 _WORTH_BYTES = 40_000_000
 """Work, bytes, that one process does in 1.6 s: then a few have started, and done it (``bench_fleet --start``)."""
 
@@ -143,9 +143,11 @@ def _compare_all(args: argparse.Namespace, setup: Setup, results: Results, repor
     known = {path: outcome for path, outcome in results.known().items() if _known(outcome)}
     settings = CompareSettings(os.path.abspath(setup.golden), setup.golden_hash, setup.tolerances,
                                cell_pattern=args.cell_from, time_scale=setup.time_scale)
-    outcomes = [known[one.path] for one in candidates if one.path in known]
+    of_each = {one.path: settings._replace(cell=one.cell, cell_else=one.cell_else) for one in candidates}
+    outcomes = [known[one.path]._replace(cell=find_cell(one.path, of_each[one.path], known[one.path].cell))
+                for one in candidates if one.path in known]
     outcomes += [RunOutcome("", one.path, one.cell, reason=one.unreadable) for one in candidates if one.unreadable]
-    tasks = [LogTask(one.path, settings._replace(cell=one.cell, cell_else=one.cell_else)) for one in candidates
+    tasks = [LogTask(one.path, of_each[one.path]) for one in candidates
              if one.path not in known and not one.unreadable]
     cells = {one.path: one.cell or one.cell_else for one in candidates}
 
@@ -230,7 +232,9 @@ def _code(runs: Sequence[RunOutcome]) -> int:
 def run_against(args: argparse.Namespace, tolerances: Tolerances) -> int:
     """Compare many runs; 0 all same, 1 some different or not compared, 2 none compared."""
     report = Report(argparse.Namespace(json=args.json, quiet=args.quiet))
-    setup = Setup(args.golden, file_hash(args.golden), tolerances, args.time_scale)
+    place = args.against if "://" in args.against else os.path.realpath(args.against)
+    setup = Setup(args.golden, file_hash(args.golden), tolerances, args.time_scale,
+                  json.dumps([args.cell, args.cell_from, place]))
     folder = results_folder(args, setup.golden_hash)
     with Results(folder, setup) as results:
         outcomes = _compare_all(args, setup, results, report)

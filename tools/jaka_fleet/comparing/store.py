@@ -10,13 +10,14 @@ import importlib
 import json
 import math
 import os
+import re
 import sys
 from pathlib import Path
 from typing import IO, Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_bag import __version__
 from jaka_bag.compare.matching.course import course_limits
-from jaka_bag.compare.tolerances import Tolerances, as_yaml, parse_tolerances
+from jaka_bag.compare.tolerances import ToleranceError, Tolerances, as_yaml, parse_tolerances
 from jaka_bag.errors import BagError, MissingDependency, OutputExists
 from jaka_bag.output_file import OutputFile
 
@@ -24,6 +25,9 @@ from .outcome import CheckOutcome, RunOutcome
 
 SCHEMA_VERSION = "1"
 RUNS, CHECKS, JOURNAL = "runs.parquet", "checks.parquet", "journal.jsonl"
+REPORTS = "reports"
+"""Folder of the reports of single runs, whose names end with the beginning of the run's hash."""
+_OWN_REPORT = re.compile(r".*-[0-9a-f]{8}\.html")
 _PREFIX = "jaka_bag."
 _COURSE = tuple(course_limits(Tolerances()))
 
@@ -36,24 +40,26 @@ class Setup(NamedTuple):
         golden_hash: Its SHA-256, hex.
         tolerances: Limits that runs must keep.
         time_scale: Runs were this many times faster.
+        cells: The options that name cells; no amount depends on them.
     """
 
     golden: str
     golden_hash: str
     tolerances: Tolerances
     time_scale: float = 1.0
+    cells: str = ""
 
     def facts(self) -> Dict[str, str]:
         """Return the conditions as text, for files; those of another version of this package do not match."""
         return {"compare_schema": SCHEMA_VERSION, "version": __version__, "golden": self.golden,
                 "golden_sha256": self.golden_hash, "tolerances": as_yaml(self.tolerances),
-                "time_scale": "%r" % self.time_scale}
+                "time_scale": "%r" % self.time_scale, "cells": self.cells}
 
 
 def _is_of(facts: Dict[str, str], setup: Setup) -> bool:
     """Return whether a file's outcomes are those that a comparison would give now; the golden log may have moved."""
     wanted = setup.facts()
-    return all(facts.get(name) == value for name, value in wanted.items() if name != "golden")
+    return all(facts.get(name) == value for name, value in wanted.items() if name not in ("golden", "cells"))
 
 
 def _arrow() -> Tuple[Any, Any]:
@@ -108,20 +114,29 @@ class Results:
             raise OutputExists("another program compares into %s" % folder) from None
 
     def known(self) -> Dict[str, RunOutcome]:
-        """Return outcomes of earlier runs, by path; forget those of other tolerances, or of another golden log."""
+        """Return outcomes of earlier runs, by path; forget those of other tolerances, or of another golden log.
+
+        The cell of one is empty where other options named it. Reports that may be of what is forgotten are removed.
+        """
         found: Dict[str, RunOutcome] = {}
+        kept: List[str] = []
         with contextlib.suppress(NothingStored):
             setup, outcomes = stored(self.folder)
             if _is_of(setup.facts(), self._setup):
-                found = {outcome.path: outcome for outcome in outcomes}
+                kept.append(setup.cells)
+                found = {outcome.path: self._with_cell(outcome, setup.cells) for outcome in outcomes}
         self._journal.seek(0)
         lines = self._journal.readlines()
         head = json.dumps(self._setup.facts()) + "\n"
-        if lines and _head_of(lines[0], self._setup):
+        facts = _head_of(lines[0], self._setup) if lines else None
+        if facts is not None:
+            kept.append(facts.get("cells", ""))
             for line in lines[1:]:
                 with contextlib.suppress(ValueError, TypeError):  # the last one may have been cut off
-                    outcome = _of_line(line)
+                    outcome = self._with_cell(_of_line(line), kept[-1])
                     found[outcome.path] = outcome
+        if set(kept) != {self._setup.cells}:
+            self._forget_reports()  # before the journal says that they are of this setup
         self._journal.seek(0)
         self._journal.truncate()
         self._journal.write(head)
@@ -129,6 +144,14 @@ class Results:
             self._journal.write(as_line(outcome))
         self._journal.flush()
         return found
+
+    def _with_cell(self, outcome: RunOutcome, cells: str) -> RunOutcome:
+        return outcome if cells == self._setup.cells else outcome._replace(cell="")
+
+    def _forget_reports(self) -> None:
+        for path in (self.folder / REPORTS).glob("*.html"):
+            if _OWN_REPORT.fullmatch(path.name):
+                path.unlink()
 
     def add(self, outcome: RunOutcome) -> None:
         """Note one more outcome.
@@ -163,12 +186,13 @@ class Results:
         self.close()
 
 
-def _head_of(line: str, setup: Setup) -> bool:
+def _head_of(line: str, setup: Setup) -> Optional[Dict[str, str]]:
+    """Return the facts of a journal's first line; None where its outcomes are not those of a comparison now."""
     try:
         facts = json.loads(line)
     except ValueError:
-        return False
-    return isinstance(facts, dict) and _is_of(facts, setup)
+        return None
+    return facts if isinstance(facts, dict) and _is_of(facts, setup) else None
 
 
 def _write(path: Path, columns: Dict[str, Any], facts: Dict[str, str]) -> None:
@@ -240,8 +264,12 @@ def stored(folder: Path) -> Tuple[Setup, List[RunOutcome]]:
         raise NothingStored("%s holds results of another version of jaka_bag: compare again" % folder)
     if facts.get(_PREFIX + "generation") != others.get(_PREFIX + "generation"):
         raise NothingStored("%s holds tables of two comparisons: compare again" % folder)
-    setup = Setup(plain["golden"], plain["golden_sha256"], parse_tolerances(plain["tolerances"], str(folder)),
-                  float(plain["time_scale"]))
+    try:
+        tolerances = parse_tolerances(plain["tolerances"], str(folder))
+    except ToleranceError as error:
+        raise NothingStored("%s: compare again" % error) from error
+    setup = Setup(plain["golden"], plain["golden_sha256"], tolerances, float(plain["time_scale"]),
+                  plain.get("cells", ""))
     return setup, list(_outcomes(*tables))
 
 

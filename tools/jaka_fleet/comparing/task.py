@@ -99,9 +99,16 @@ def _state(path: str) -> Tuple[int, int, int]:
     return found.st_size, found.st_mtime_ns, found.st_ino
 
 
-def _cell(path: str, settings: CompareSettings) -> str:
-    told = ""
-    if not settings.cell:
+def find_cell(path: str, settings: CompareSettings, known: str = "") -> str:
+    """Return the cell of a log.
+
+    Args:
+        path: The log.
+        settings: What names cells.
+        known: The cell where the settings name none, if that is known; else the log is read.
+    """
+    told = known
+    if not settings.cell and not known:
         with contextlib.suppress(BagError), open_log(path) as reader:
             told = read_facts(reader).cell
     return cell_of(AddSettings("", settings.cell, settings.cell_pattern), path, told or settings.cell_else)
@@ -122,7 +129,7 @@ def compare_task(task: LogTask) -> LogResult:
         page = as_html(compared(task.path, settings), settings.tolerances)
         return LogResult(task.path, size=size, value=page)
     run = file_hash(task.path)
-    cell, messages = _cell(task.path, settings), 0
+    cell, messages = find_cell(task.path, settings), 0
     try:
         comparison = compared(task.path, settings)
         outcome = outcome_of(comparison, run, task.path, cell, size, mtime_ns)
