@@ -7,7 +7,7 @@ from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
 from jaka_bag.cli.compare import write_reports
 from jaka_bag.compare.comparison import compare_runs
 from jaka_bag.compare.report.failure import REPORT_NAMES, remove_reports, write_failure
-from jaka_bag.compare.report.text import as_text, headline
+from jaka_bag.compare.report.text import as_text, headline, unmatched_lines
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.runs.run import Run
 from jaka_bag.compare.tolerances import Tolerances
@@ -170,7 +170,8 @@ def report_on(comparison: Comparison, place: Path, limits: Tolerances, host: Hos
     run, time_scale = comparison.candidate, comparison.time_scale
     html, junit, data = (str(place / name) for name in REPORT_NAMES)
     write_reports(comparison, limits, html, junit, data, True)
-    lines = [headline(comparison)] if comparison.same else [as_text(comparison), host.words(run.start_ns, time_scale)]
+    lines = [headline(comparison), *unmatched_lines(comparison)] if comparison.same else [
+        as_text(comparison), host.words(run.start_ns, time_scale)]
     summary = "\n".join(line for line in lines + ["report: %s" % html] if line)
     return Replay(comparison.same, summary, comparison, Path(run.path), Path(html))
 

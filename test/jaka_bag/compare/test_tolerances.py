@@ -65,16 +65,16 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         load_tolerances(tmp_path / "latin.yaml")
 
 
-AMOUNTS = st.floats(0.0, allow_infinity=False, allow_nan=False) | st.sampled_from([5e-05, 1e-6, 1e22, 0.1 + 0.2, 5e-324])
-NAMES = st.text(max_size=12) | st.sampled_from(["yes", "null", "5", "a: b", "left,2", "it's", "#", "\x7f\x85", "臂", "𝛼", "- "])
+AMOUNTS = st.floats(0.0, allow_infinity=False, allow_nan=False) | st.sampled_from([5e-05, 1e22, 0.1 + 0.2, 5e-324])
+NAMES = st.text(max_size=12) | st.sampled_from(["yes", "null", "5", "a: b", "left,2", "it's", "#", "- ", "\x7f\x85",
+                                                "\u81c2", "\U0001d6fc"])
 PATTERNS = NAMES.map(re.escape) | st.sampled_from([r"(.*/)?it's\.\w+", r"a\d{2}'", " b "])
 SHORT = {"max_size": 3}
 
 
 @given(AMOUNTS, st.dictionaries(NAMES, AMOUNTS, **SHORT), st.lists(PATTERNS, **SHORT), st.lists(PATTERNS, **SHORT),
-       st.lists(PATTERNS, **SHORT),
-       st.dictionaries(NAMES, st.dictionaries(NAMES, st.builds(FieldTolerance, AMOUNTS, AMOUNTS, st.booleans()), **SHORT),
-                       **SHORT),
+       st.lists(PATTERNS, **SHORT), st.dictionaries(NAMES, st.dictionaries(
+           NAMES, st.builds(FieldTolerance, AMOUNTS, AMOUNTS, st.booleans()), **SHORT), **SHORT),
        st.dictionaries(NAMES, st.dictionaries(
            NAMES, st.dictionaries(AMOUNTS, AMOUNTS, min_size=1, max_size=3).map(lambda steps: tuple(sorted(
                steps.items()))), **SHORT), **SHORT))

@@ -16,7 +16,7 @@ from ..compare.learning import learn
 from ..compare.report.failure import failure_texts
 from ..compare.report.html import as_html
 from ..compare.report.junit import as_junit
-from ..compare.report.text import as_data, as_text, coverage_line, headline
+from ..compare.report.text import as_data, as_text, coverage_line, headline, unmatched_lines
 from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_tolerances
 from ..compare.verdict import Comparison
 from ..errors import BagError, UsageError
@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-f", "--force", action="store_true", help="overwrite the outputs")
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
     add("--strict", action="store_true", help="a topic or field that nothing compares is a difference, unless "
-                                              "ignore_fields of the tolerances names it")
+                                              "ignore_fields of the tolerances names it; so is a joint, topic or field "
+                                              "of the tolerances that GOLDEN lacks")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--audit", action="store_true", help="plant some sixty defects into GOLDEN, each alone, and print which of "
                                              "them a comparison with these tolerances would miss")
@@ -134,4 +135,7 @@ def run(args: argparse.Namespace) -> int:
     has_gap = args.strict and not comparison.coverage.is_whole
     if has_gap:
         print(printable("--strict: " + coverage_line(comparison)), file=sys.stderr)
-    return 0 if comparison.same and not has_gap else 1
+    for line in unmatched_lines(comparison) if args.strict or args.quiet or args.json else []:
+        print(printable("jaka_bag compare: " + line), file=sys.stderr)
+    is_strange = args.strict and bool(comparison.unmatched)
+    return 0 if comparison.same and not has_gap and not is_strange else 1

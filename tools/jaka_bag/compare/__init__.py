@@ -8,6 +8,7 @@ matching     the candidate's time for a golden time; equal entries of two sequen
 verdict      the outcome of one check, and of all
 checks       the checks, one module a subject
 coverage     the share of both logs that the checks read
+unmatched    names in tolerances that the golden log lacks
 comparison   all checks in their order
 learning     tolerances from runs that are known to be good
 audit        defects planted into a golden log, and which of them a comparison misses

@@ -19,6 +19,7 @@ from .matching.cut_motions import Cut, cut_motions, fit_ends
 from .runs.loading import load_run
 from .runs.run import Run, Window
 from .tolerances import Tolerances
+from .unmatched import unmatched_names
 from .verdict import Comparison, Residual, ResidualKey
 
 
@@ -96,7 +97,8 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment),
                           course.outer_call)
     return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course,
-                      coverage_of(golden, candidate, limits, comparable, on_change, time_scale))
+                      coverage_of(golden, candidate, limits, comparable, on_change, time_scale),
+                      unmatched_names(golden, limits))
 
 
 def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:

@@ -238,6 +238,7 @@ class Comparison:
         time_scale: The candidate ran this many times faster.
         course: Limits for which the amounts would be the same; None where that was not recorded.
         coverage: Share of both logs that was compared.
+        unmatched: Names in the tolerances that the golden log lacks, a line each.
     """
 
     golden: Run
@@ -248,6 +249,7 @@ class Comparison:
     time_scale: float = 1.0
     course: Optional[Course] = None
     coverage: Coverage = Coverage(0, 0, ())
+    unmatched: Tuple[str, ...] = ()
 
     @property
     def differences(self) -> List[Check]:

@@ -1,5 +1,6 @@
 """``jaka_bag compare``: one run against a golden log, or many of a data set or folder."""
 import argparse
+import contextlib
 import json
 import os
 import re
@@ -10,7 +11,9 @@ from jaka_bag.cli import compare
 from jaka_bag.cli.main import printable
 from jaka_bag.cli.options import Report
 from jaka_bag.compare.comparison import CannotCompare
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import ToleranceError, Tolerances, load_tolerances
+from jaka_bag.compare.unmatched import unmatched_names
 from jaka_bag.engines.tasks import FAILED, LogResult, LogTask, Serial, run_tasks
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.output_file import write_text
@@ -236,6 +239,7 @@ def run_against(args: argparse.Namespace, tolerances: Tolerances) -> int:
     setup = Setup(args.golden, file_hash(args.golden), tolerances, args.time_scale,
                   json.dumps([args.cell, args.cell_from, place]))
     folder = results_folder(args, setup.golden_hash)
+    _tell_unmatched(args.golden, tolerances, report)
     with Results(folder, setup) as results:
         outcomes = _compare_all(args, setup, results, report)
         results.write(outcomes)
@@ -257,10 +261,12 @@ def _swept(name: str, setup: Setup, outcomes: Sequence[RunOutcome]) -> Tuple[Tol
 def run_sweep(args: argparse.Namespace) -> int:
     """Evaluate stored results again; return 0 if all are same under each file, 1 if not, 2 without results or logs."""
     folder = results_folder(args, file_hash(args.golden))
+    report = Report(argparse.Namespace(json=args.json, quiet=args.quiet))
     setup, outcomes = stored(folder)
     rows, code = [], 0
     for name in args.sweep:
         tolerances, swept = _swept(name, setup, outcomes)
+        _tell_unmatched(args.golden, tolerances, report)
         changed = [(before, after) for before, after in zip(outcomes, swept) if before.verdict != after.verdict]
         counts = {verdict: sum(run.verdict == verdict for run in swept)
                   for verdict in (SAME, DIFFERENT, UNKNOWN, NOT_COMPARED)}
@@ -281,6 +287,14 @@ def run_sweep(args: argparse.Namespace) -> int:
         for entry in row["changed"] if args.verbose else []:
             print(printable("  %(path)s: %(before)s, now %(after)s: %(reason)s" % entry))
     return code
+
+
+def _tell_unmatched(golden: str, tolerances: Tolerances, report: Report) -> None:
+    """Tell which names in the tolerances the golden log lacks; that it cannot be read is for the comparison to tell."""
+    if tolerances.joints.per_joint or tolerances.fields or tolerances.envelopes:
+        with contextlib.suppress(BagError):
+            names = unmatched_names(load_run(golden, tolerances), tolerances)
+            report.tell("note", ["tolerances: %s" % text for text in names])
 
 
 def _write_sweep(args: argparse.Namespace, setup: Setup, folder: Path, history: RunHistory) -> None:

@@ -141,6 +141,7 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
         facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
     if comparison.beginning is not None:
         facts.append(("it begins with", beginning_words(comparison.beginning, len(comparison.differences) - 1)))
+    facts += [("of no effect", "tolerances: %s" % text) for text in comparison.unmatched]
     worst = comparison.worst_first
     cards = "".join(_difference(check, pictures.moment(check) if number < _MOST_PICTURES else [])
                     for number, check in enumerate(worst))

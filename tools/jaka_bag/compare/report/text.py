@@ -48,6 +48,11 @@ def coverage_line(comparison: Comparison) -> str:
     return "%d checks; %s" % (compared, comparison.coverage.words)
 
 
+def unmatched_lines(comparison: Comparison) -> List[str]:
+    """Return a line for each name in the tolerances that limits nothing, as the golden log lacks it."""
+    return ["note: tolerances: %s" % text for text in comparison.unmatched]
+
+
 def as_text(comparison: Comparison, verbose: bool = False) -> str:
     """Return the differences, the worst first, the one that they begin with, and the verdict; ``verbose``: every check.
 
@@ -63,6 +68,7 @@ def as_text(comparison: Comparison, verbose: bool = False) -> str:
     skipped = sum(check.outcome is Outcome.NOT_COMPARED for check in comparison.checks)
     if skipped and not verbose:
         lines.append("%d checks were not compared (--verbose tells why)" % skipped)
+    lines += unmatched_lines(comparison)
     return "\n".join(lines + [headline(comparison), coverage_line(comparison)])
 
 
@@ -91,6 +97,7 @@ def as_data(comparison: Comparison) -> Dict[str, Any]:
             "time_scale": comparison.time_scale,
             "coverage": {"topics": comparison.coverage.topics, "fields": comparison.coverage.fields, "not_compared": [
                 gap._asdict() for gap in comparison.coverage.gaps]},
+            "unmatched_tolerances": list(comparison.unmatched),
             "alignment": {"lag_s": alignment.lag, "method": alignment.method, "motions": episodes},
             "first_divergence": None if first is None else check_data(first),
             "beginning": None if beginning is None else check_data(beginning),
