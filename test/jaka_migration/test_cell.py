@@ -78,6 +78,10 @@ def test_what_an_earlier_page_left_without_interface_and_model_gets_them():
     (b'<launch><include file="$(find jaka_driver)/launch/robot_start_launch.launch"/></launch>', "no address"),
     (INCLUDE.replace(b'<arg name="ip" v', b'<arg name="model" value="zu7"/><arg name="ip" v'),
      "line 5: model is 'zu7' already, and 'zu12'"),
+    (INCLUDE.replace(b'<arg name="ip" v', b'<arg name="interface" value="vendor" if="$(arg a)"/><arg name="ip" v'),
+     "line 5: interface is set under a condition"),
+    (INCLUDE.replace(b'<arg name="ip" v', b'<arg name="model" value="zu12"/><arg name="model" value="zu5"/>'
+                     b'<arg name="ip" v'), "line 5: model is 'zu5' already, and 'zu12'"),
     (b'<launch><param name="ip" value="1.2.3.4"/><node pkg="jaka_driver" type="jaka_driver" name="a" args="1.2.3.4"/>'
      b'</launch>', "line 1: the node has args"),
     (b'<launch><arg name="driver" default="jaka_driver"/></launch>', "changed by hand"),

@@ -120,12 +120,15 @@ def _change(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result:
     kind = b' type="str"' if child == "param" else b""
     lines = []
     for name, value in (("interface", wanted.interface), ("model", wanted.model)):
-        has = one.child(child, name)
-        if has is None:
+        there = [has for has in one.children if has.tag == child and has.get("name") == name]
+        if not there:
             lines.append(b'<%s name="%s"%s value="%s"/>' % (child.encode(), name.encode(), kind, value.encode()))
-        elif has.get("value") != value:
-            result.against.append("line %d: %s is %r already, and %r is asked for" % (
-                has.line, name, has.get("value"), value))
+        for has in there:
+            if has.get("if") or has.get("unless"):  # without it the driver's default stands: motions mean another thing
+                result.against.append("line %d: %s is set under a condition" % (has.line, name))
+            elif has.get("value") != value:
+                result.against.append("line %d: %s is %r already, and %r is asked for" % (
+                    has.line, name, has.get("value"), value))
     address = _address(data, one, child, wanted, result)
     if address:
         lines.append(b'<%s name="ip"%s value=%s/>' % (child.encode(), kind, address))
