@@ -1,27 +1,30 @@
 """``jaka_bag replay``: golden logs replayed side by side against a driver."""
 import argparse
+import contextlib
 import json
 import re
 import tempfile
 import time
 from pathlib import Path
-from typing import Dict, List, Optional
+from typing import Dict, Iterable, List, Optional
 
 from jaka_bag.cli.options import Report, add_report
 from jaka_bag.cli.quantities import positive_number
+from jaka_bag.compare.report.failure import remove_reports
 from jaka_bag.compare.tolerances import as_yaml, load_tolerances
 from jaka_bag.containers.registry import read_index
 from jaka_bag.engines.tasks import FAILED, LogResult, LogTask
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.output_file import OutputFile, check_output, write_text
 from jaka_bag.units import NS_PER_S
-from jaka_regression.replay import takes_time_scale
+from jaka_regression.replay import CANDIDATE, takes_time_scale
 
 from ..replay.driver_source import DriverSource, driver_source
 from ..replay.replay_task import ReplayOutcome, ReplaySettings, replay_task
 from ..replay.report import Replayed, as_data, as_junit, as_page, as_text
 from .engine import add_engine, choose_engine, work_through
 
+PAGE = "report.html"
 _LOGS = (".mcap", ".bag")
 _WORTH_BYTES = 0
 """Work, bytes, from which on workers are worth their start: each replay takes longer than that, whatever its log."""
@@ -101,6 +104,15 @@ def _write(folder: Path, outcome: ReplayOutcome) -> None:
             output.write(content)
 
 
+def _remove_earlier(folder: Path, names: Iterable[str]) -> None:
+    """Remove what an earlier run left: none of it may be taken for this run's, which may fail or be ended."""
+    for name in names:
+        remove_reports(folder / name)
+    for path in (folder / PAGE, *[folder / name / CANDIDATE for name in names]):
+        with contextlib.suppress(FileNotFoundError):
+            path.unlink()
+
+
 def run(args: argparse.Namespace) -> int:
     """Replay, and write the reports; 0 all the same, 1 some not."""
     if not 0.1 <= args.time_scale <= 10.0:
@@ -110,10 +122,11 @@ def run(args: argparse.Namespace) -> int:
     limits = as_yaml(load_tolerances(args.tolerances)) if args.tolerances else None
     folder = Path(args.output) if args.output else Path(tempfile.mkdtemp(prefix="jaka_replay_"))
     folder.mkdir(parents=True, exist_ok=True)
-    page = folder / "report.html"
+    page = folder / PAGE
     check_output(page, args.force)
     if args.junit:
         check_output(args.junit, args.force)
+    _remove_earlier(folder, goldens)
     names = {str(path): name for name, path in goldens.items()}
     tasks = [LogTask(str(path), _settings(path, driver, args, limits)) for path in goldens.values()]
     replays: List[Replayed] = []
