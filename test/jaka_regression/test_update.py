@@ -1,4 +1,5 @@
 """A golden log is replaced by a new one in its own format, once an unchanged run was the same as the new one."""
+import os
 import shutil
 from types import SimpleNamespace
 
@@ -57,3 +58,20 @@ def test_a_run_that_fails_leaves_the_golden_log(golden, candidate, tmp_path):
     with pytest.raises(OSError, match="no driver"):
         update_golden(golden, candidate, tmp_path / "update", again)
     assert golden.read_bytes() == before
+
+
+def test_a_golden_log_behind_a_link_is_replaced_where_it_lies(golden, candidate, tmp_path):
+    (tmp_path / "tests").mkdir()
+    link = tmp_path / "tests" / golden.name
+    link.symlink_to(golden)
+    update_golden(link, candidate, tmp_path / "update", lambda new, folder: SimpleNamespace(same=True, summary=""))
+    assert link.is_symlink() and sum(read_index(golden).counts) == sum(read_index(candidate).counts)
+
+
+def test_the_new_log_is_on_the_disk_before_it_takes_the_golden_ones_place(golden, candidate, tmp_path, monkeypatch):
+    done = []
+    for name, call in (("fsync", os.fsync), ("replace", os.replace)):
+        monkeypatch.setattr("jaka_regression.update.os." + name, lambda *words, name=name, call=call: (
+            done.append(name), call(*words)))
+    update_golden(golden, candidate, tmp_path / "update", lambda new, folder: SimpleNamespace(same=True, summary=""))
+    assert done[-2:] == ["fsync", "replace"]

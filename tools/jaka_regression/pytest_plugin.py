@@ -15,8 +15,9 @@ of the log's calls.
 import dataclasses
 import importlib
 import re
+import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, MutableMapping, Optional, Sequence, Tuple, Union
 
 if TYPE_CHECKING:
     from jaka_bag.compare.tolerances import Tolerances
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 pytest: Any = importlib.import_module("pytest")  # its types are beyond Python 3.8
 _FOLDER = "jaka_reports"
+_used: "MutableMapping[Any, Dict[str, Tuple[str, int]]]" = weakref.WeakKeyDictionary()
+"""The test, and which of its logs, that each folder of a run is of: names of tests may differ in what no file has."""
 
 
 def pytest_addoption(parser: Any) -> None:
@@ -67,9 +70,13 @@ class _Case:
     def next_folder(self) -> Path:
         """Return a folder of its own for the next report."""
         self._count += 1
-        node = self._request.node.nodeid
-        return report_folder(self._request.config) / file_name(
-            node if self._count == 1 else "%s_%d" % (node, self._count))
+        node, config = self._request.node.nodeid, self._request.config
+        wanted = file_name(node if self._count == 1 else "%s_%d" % (node, self._count))
+        used, owner, name, number = _used.setdefault(config, {}), (node, self._count), wanted, 1
+        while used.setdefault(name, owner) != owner:
+            number += 1
+            name = "%s-%d" % (wanted, number)
+        return report_folder(config) / name
 
     def limits(self, tolerances: "Union[str, Path, Tolerances, None]") -> "Optional[Tolerances]":
         """Return tolerances, which may be a file beside the test's."""

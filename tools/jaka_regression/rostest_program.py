@@ -15,6 +15,8 @@ from .cell.run import run_cell
 from .replay import replay
 
 _RESULT_FLAG = "--gtest_output=xml:"
+_OF_ROSUNIT = ("--gtest_", "--text", "--cov")
+"""Beginnings of the words that rostest and rosunit have for each other."""
 
 
 def _report_folder(arguments: List[str], golden: Path) -> Path:
@@ -46,7 +48,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--launch-args", default="", metavar="WORDS", help="arguments for it: 'driver=false speed=2'")
     parser.add_argument("--limit", type=float, metavar="S",
                         help="longest run of that program; default twice the log and a minute")
-    options, _ = parser.parse_known_args(arguments)
+    options, others = parser.parse_known_args(arguments)
+    unknown = [word for word in others if not word.startswith(_OF_ROSUNIT)]
+    if unknown:  # tolerances under a misspelt name would be left out, and the defaults judge
+        parser.error("unrecognized arguments: %s" % " ".join(unknown))
     golden = Path(options.golden)
     words = [word.replace("=", ":=", 1) for word in shlex.split(options.launch_args)]  # roslaunch takes := for its own
     if options.launch and options.time_scale != 1.0:

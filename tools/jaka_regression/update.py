@@ -34,7 +34,10 @@ def update_golden(golden: Path, candidate: Path, folder: Path, again: Callable[[
     result = again(new, folder)
     if not result.same:
         return "%s stays as it was: an unchanged run differs from the new log\n%s" % (golden, result.summary)
-    beside = golden.with_name(golden.name + ".new")
+    place = golden.resolve()  # a link stays one
+    beside = place.with_name(place.name + ".new")
     shutil.copyfile(str(new), str(beside))
-    os.replace(str(beside), str(golden))
+    with open(str(beside), "rb") as file:
+        os.fsync(file.fileno())  # after a power failure there is the one log or the other, whole
+    os.replace(str(beside), str(place))
     return "%s is the new log: an unchanged run is the same" % golden
