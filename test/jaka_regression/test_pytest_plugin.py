@@ -5,7 +5,7 @@ from jaka_regression.pytest_plugin import _Case
 
 
 class Config:
-    """As much of pytest's configuration as the plugin asks."""
+    """The part of pytest's configuration that the plugin asks for."""
 
     def __init__(self, folder):
         self._folder = str(folder)

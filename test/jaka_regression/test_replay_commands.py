@@ -1,4 +1,4 @@
-"""What replay-commands refuses before any call is made; without ROS, on logs that lack what it goes by."""
+"""The refusals of replay-commands before any call is made; without ROS, on logs that lack what it goes by."""
 import math
 
 import numpy as np

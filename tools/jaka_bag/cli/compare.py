@@ -38,9 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--time-scale", type=positive_number, default=1.0, metavar="N", help="the candidate ran N times faster")
     add("-f", "--force", action="store_true", help="overwrite the outputs")
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
-    add("--strict", action="store_true", help="a topic or field that nothing compares is a difference, unless "
-                                              "ignore_fields of the tolerances names it; so is a joint, topic or field "
-                                              "of the tolerances that GOLDEN lacks")
+    add("--strict", action="store_true", help="a difference is, too: what nothing compares, unless ignore_fields "
+                                              "names it; a name in the tolerances that GOLDEN lacks")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--audit", action="store_true", help="plant some sixty defects into GOLDEN, each alone, and print which of "
                                              "them a comparison with these tolerances would miss")

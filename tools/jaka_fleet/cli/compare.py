@@ -290,7 +290,7 @@ def run_sweep(args: argparse.Namespace) -> int:
 
 
 def _tell_unmatched(golden: str, tolerances: Tolerances, report: Report) -> None:
-    """Tell which names in the tolerances the golden log lacks; that it cannot be read is for the comparison to tell."""
+    """Print which names in the tolerances the golden log lacks; the comparison tells that it cannot be read."""
     if tolerances.joints.per_joint or tolerances.fields or tolerances.envelopes:
         with contextlib.suppress(BagError):
             names = unmatched_names(load_run(golden, tolerances), tolerances)
