@@ -65,22 +65,39 @@ class AuditFolder:
     def __init__(self, path: str) -> None:
         self.path = path
         self._lock: Optional[int] = None
+        self._opened = ""
         self._ages: Dict[str, Optional[Tuple[str, OldFile]]] = {}
 
     def take(self) -> None:
-        """Create the folder and lock it for this process, until ``release``; raise LogInUse where another has it."""
+        """Create the folder and lock it for this process, until ``release``; raise LogInUse where another has it.
+
+        A lock on a file that was removed locks nothing: it is taken anew.
+        """
+        path = self._path("lock")
         if self._lock is not None:
-            return
+            if _is_at(self._lock, path):
+                return
+            self.release()
+        self._ages.clear()
         os.makedirs(self.path, mode=0o750, exist_ok=True)
-        lock = os.open(os.path.join(self.path, "lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not _is_at(lock, path):
+                raise _removed(path)
         except OSError as error:
             os.close(lock)
             if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
                 raise LogInUse(errno.EBUSY, "another process writes this log", self.path) from None
             raise
         self._lock = lock
+
+    def check(self, descriptor: int) -> None:
+        """Raise OSError where the file that was opened last, or the lock, is no longer the one in the folder."""
+        assert self._lock is not None
+        for each, path in ((descriptor, self._path(self._opened)), (self._lock, self._path("lock"))):
+            if not _is_at(each, path):
+                raise _removed(path)
 
     def release(self) -> None:
         """Unlock the folder for other processes."""
@@ -107,11 +124,13 @@ class AuditFolder:
 
     def open_newest(self, name: str) -> int:
         """Open a file for appending lines; return its descriptor."""
+        self._opened = name
         return os.open(self._path(name), os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
 
     def make_next(self, number: int) -> int:
         """Create the file whose first line has this number, and open it as ``open_newest`` does."""
-        descriptor = os.open(self._path("audit-%012d.jsonl" % number),
+        self._opened = "audit-%012d.jsonl" % number
+        descriptor = os.open(self._path(self._opened),
                              os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640)
         with contextlib.suppress(OSError):  # not every file system can
             self._sync_names()
@@ -146,6 +165,18 @@ class AuditFolder:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def _is_at(descriptor: int, path: str) -> bool:
+    """Return whether a path is still that of an open file, which nobody has removed or replaced."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+
+
+def _removed(path: str) -> OSError:
+    return OSError(errno.ENOENT, "was removed or replaced while it was open", path)
 
 
 class _Scan:

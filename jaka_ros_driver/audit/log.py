@@ -1,7 +1,8 @@
 """The audit log of one arm: callers queue lines, and a thread of its own writes them.
 
 A caller never waits for a disk. While the disk takes nothing, lines wait in memory; those that find no room there are
-counted, and the count is written as a line of its own as soon as lines can be written again.
+counted, and the count is written as a line of its own as soon as lines can be written again. So is the number of lines
+that were written and whose file somebody has removed meanwhile.
 """
 import contextlib
 import logging
@@ -10,10 +11,10 @@ import threading
 import time
 from collections import deque
 from queue import Empty, SimpleQueue
-from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.audit.chain import START, ChainLink, encode, link_of
-from jaka_ros_driver.audit.folder import AuditFolder
+from jaka_ros_driver.audit.folder import AuditFolder, LogEnd
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,7 +50,7 @@ class Health(NamedTuple):
     Attributes:
         trouble: Why lines cannot be written now; "" where they can.
         waiting: Lines in memory.
-        lost: Lines that were lost since the start.
+        lost: Lines that were lost since the start, those among them that were written and then removed.
         written: Lines that were written since the start.
         link: The place of the last line.
         lag: Age of the oldest line in memory, s; 0 without one.
@@ -88,6 +89,8 @@ class AuditLog:
         self._lost_lock = threading.Lock()
         self._lost: List[int] = []
         self._lost_in_all = 0
+        self._gone: Optional[Dict[str, Any]] = None
+        self._told: List[Tuple[int, int]] = []
         self._descriptor: Optional[int] = None
         self._size = 0
         self._link = START
@@ -95,7 +98,7 @@ class AuditLog:
         self._written = 0
         self._is_dirty = False
         self._is_pruning_due = True
-        self._synced_at = self._retry_at = 0.0
+        self._synced_at = self._retry_at = self._looked_at = 0.0
         self._warned_at = -_WARN_PERIOD_S
         self._trouble = ""
         self._busy_since: Optional[float] = None
@@ -159,6 +162,7 @@ class AuditLog:
     def _run(self) -> None:
         while True:
             self._collect()
+            is_last = self._is_closing  # before the last look at the file
             try:
                 for task in self._tasks:
                     task()
@@ -169,7 +173,7 @@ class AuditLog:
             except Exception:  # a defect must cost lines and not the log
                 _LOG.exception("the audit log has a defect")
                 self._drop()
-            if self._is_closing and (self._trouble or not self._pending and self._queue.empty()):
+            if is_last and (self._trouble or not self._pending and self._queue.empty()):
                 break
         self._release()
 
@@ -191,6 +195,7 @@ class AuditLog:
             return
         self._busy_since = now
         try:
+            self._look(now)
             if self._descriptor is None:
                 self._open()
             self._put_pending()
@@ -205,6 +210,17 @@ class AuditLog:
             self._fail(error)
         finally:
             self._busy_since = None
+
+    def _look(self, now: float) -> None:
+        """Look a few times a second whether somebody has removed or replaced the file, and begin anew then."""
+        if self._descriptor is None or now - self._looked_at < _TURN_S and not self._is_closing:
+            return
+        self._looked_at = now
+        try:
+            self._folder.check(self._descriptor)
+        except OSError as error:
+            _LOG.warning("the audit log is begun anew: %s", error)
+            self._close_file()
 
     def _put_pending(self) -> None:
         """Write the collected lines as one piece."""
@@ -225,9 +241,9 @@ class AuditLog:
             self._put(b"".join(data), link)
             self._offset = offset
             self._written += len(data)
-            self._unsure.clear()
             if is_urgent:
                 self._sync()
+            self._unsure.clear()
 
     def _put(self, data: bytes, link: ChainLink) -> None:
         """Append whole lines, in the next file where this one is full; raise OSError where the disk refuses."""
@@ -276,11 +292,15 @@ class AuditLog:
         with self._lost_lock:
             told = self._lost
         count, since, until = told
-        self._put_own("lost", {"count": count, "from": iso(since), "to": iso(until)})
+        self._put_loss({"count": count, "from": iso(since), "to": iso(until)})
         with self._lost_lock:
             more = self._lost[0] - count
             self._lost = [more, until, self._lost[2]] if more else []
         _LOG.warning("%d lines of the audit log were lost", count)
+
+    def _put_loss(self, fields: Mapping[str, Any]) -> None:
+        self._put_own("lost", fields)
+        self._told.append((self._link.number, fields["count"]))
 
     # ---- files ----
 
@@ -288,11 +308,14 @@ class AuditLog:
         """Open the log where it ends on the disk, whoever wrote it and however that ended."""
         self._folder.take()
         end = self._folder.end()
-        self._link, self._size = end.link, 0
+        before, self._link, self._size = self._link, end.link, 0
+        again = 0
         for record, number in reversed(self._unsure):  # what of the last try is on the disk, and what is not
             if number > end.link.number:
                 self._pending.appendleft(record)
+                again += number <= before.number
         self._unsure.clear()
+        self._note_gone(before, again, end)
         self._descriptor = self._folder.open_newest(end.name) if end.name else self._folder.make_next(1)
         if end.tail is not None or end.lacks_line_end:
             self._put(b"\n", self._link)
@@ -300,8 +323,29 @@ class AuditLog:
             self._put_own("cut", {"bytes": end.tail.size, "sha256": end.tail.sha256, "text": "what stands before this "
                                   "line is what was left of lines that could not be written to their end"})
         self._size += end.size  # only now: what ends a cut line belongs behind it, however large the file is
+        if self._gone is not None:
+            self._put_loss(self._gone)
+            self._gone = None
         if self._offset is None and end.time > iso(time.time_ns()):
             self._put_own("clock", {"before": end.time, "text": "the last line before has a later time than now"})
+
+    def _note_gone(self, before: ChainLink, again: int, end: LogEnd) -> None:
+        """Count the lines up to ``before`` that are no longer in the log, but for those that are written ``again``.
+
+        A line about losses that is gone itself leaves its number to the next one.
+        """
+        count = before.number - end.link.number - again
+        if count <= 0:
+            return
+        with self._lost_lock:
+            self._lost_in_all += count
+        _LOG.warning("%d lines of the audit log in %s were removed", count, self.path)
+        count += sum(told for number, told in self._told if number > end.link.number)
+        self._told = [(number, told) for number, told in self._told if number <= end.link.number]
+        earlier = self._gone or {"count": 0, "from": end.time}
+        self._gone = {"count": earlier["count"] + count, "from": earlier["from"], "to": iso(time.time_ns()),
+                      "last": before.number, "sha256": before.sha256,
+                      "text": "these lines were written, and their file was removed; sha256 is of the last one"}
 
     def _prune(self) -> None:
         """Delete old files at the start and with each new file, after a line that names them is on the disk.
@@ -318,7 +362,9 @@ class AuditLog:
             self._folder.delete(old)
 
     def _sync(self) -> None:
+        """Have the lines on the disk; raise OSError where it refuses, or where their file was removed."""
         assert self._descriptor is not None
+        self._folder.check(self._descriptor)
         os.fsync(self._descriptor)
         self._is_dirty, self._synced_at = False, time.monotonic()
 

@@ -3,6 +3,7 @@ import errno
 import json
 import logging
 import os
+import shutil
 import threading
 import time
 
@@ -179,6 +180,84 @@ def test_a_second_process_does_not_write_the_same_log(begin, place):
     first.close(PATIENCE_S)
     assert eventually(lambda: second.health().written == 1)
     assert [line["who"] for line in lines(place)] == ["first", "second"] and whole(place).lines == 2
+
+
+def remove(place):
+    """Remove a folder in one moment, whatever is written into it meanwhile."""
+    os.rename(place, place + ".gone")
+    shutil.rmtree(place + ".gone")
+
+
+@pytest.mark.parametrize("is_urgent", [False, True])
+def test_a_newest_file_that_is_removed_under_the_log_leaves_no_hole(begin, place, is_urgent):
+    many_files(begin, 3)
+    log = begin()
+    log.write("call", {"number": 3})
+    assert eventually(lambda: log.health().written == 1)
+    os.unlink(os.path.join(place, files(place)[-1]))
+    log.write("call", {"number": 4}, is_urgent=is_urgent)
+    left = len(kinds(place))
+    assert eventually(lambda: log.health().trouble or len(kinds(place)) > left)
+    assert eventually(lambda: "lost" in kinds(place) and not log.health().waiting)
+    assert log.close(PATIENCE_S)
+    told, = [line for line in lines(place) if line["kind"] == "lost"]
+    calls = [line["number"] for line in lines(place) if line["kind"] == "call"]
+    assert told["count"] + len(calls) == 5 and told["count"] > 0 and log.health().lost == told["count"]
+    assert len(told["sha256"]) == 64 and "removed" in told["text"]
+    assert not is_urgent or calls[-1] == 4, "an urgent line is on the disk, or is not counted as written"
+    assert any("removed" in note for note in whole(place).notes)
+
+
+def test_a_folder_that_is_removed_under_the_log_is_made_again_and_taken(begin, place):
+    many_files(begin, 3)
+    log = begin()
+    log.write("call", {"number": 3}, is_urgent=True)
+    assert eventually(lambda: log.health().written == 1)
+    remove(place)
+    assert eventually(lambda: os.path.isdir(place) and "lost" in kinds(place)), "without a line that comes"
+    log.write("call", {"number": 4}, is_urgent=True)
+    assert eventually(lambda: "call" in kinds(place))
+    with pytest.raises(folder_module.LogInUse):
+        folder_module.AuditFolder(place).take()
+    assert log.close(PATIENCE_S)
+    assert [line["count"] for line in lines(place) if line["kind"] == "lost"] == [4]
+    assert whole(place).lines == 2
+
+
+def test_what_a_removed_line_said_was_lost_is_said_again(begin, place):
+    log = begin()
+    for number in range(3):
+        log.write("call", {"number": number})
+    assert eventually(lambda: log.health().written == 3)
+    remove(place)
+    assert eventually(lambda: os.path.isdir(place) and "lost" in kinds(place))
+    remove(place)
+    assert eventually(lambda: os.path.isdir(place) and "lost" in kinds(place))
+    told, = lines(place)
+    assert told["count"] == 4, "three calls, and the line that said so"
+
+
+def test_a_log_that_ends_just_after_its_file_was_removed_says_so(begin, place):
+    log = begin()
+    log.write("call", {})
+    assert eventually(lambda: log.health().written == 1)
+    os.unlink(os.path.join(place, files(place)[0]))
+    log.write("end", {}, is_urgent=True)
+    assert log.close(PATIENCE_S)
+    assert kinds(place)[-2:] in (["lost", "end"], ["end", "lost"]) and whole(place).lines == 2
+
+
+def test_a_file_that_was_replaced_by_its_copy_is_gone_on_with(begin, place):
+    log = begin()
+    log.write("call", {"number": 0})
+    assert eventually(lambda: log.health().written == 1)
+    path = os.path.join(place, files(place)[0])
+    shutil.copy(path, path + ".new")
+    os.replace(path + ".new", path)
+    time.sleep(0.6)  # some looks
+    log.write("call", {"number": 1}, is_urgent=True)
+    assert log.close(PATIENCE_S)
+    assert kinds(place) == ["call", "call"] and whole(place).lines == 2
 
 
 def file_of_three_calls(begin, place):

@@ -245,7 +245,8 @@ class _Reader:
         self._last_time, self._last_kind = stamp, kind
         if kind == "lost":
             count = fields.get("count")
-            self._count("lost", count if type(count) is int and count > 0 else 1)
+            what = "removed" if "sha256" in fields else "lost"
+            self._count(what, count if type(count) is int and count > 0 else 1)
         elif kind in ("cut", "clock"):
             self._count(kind)
         elif kind == "pruned":
@@ -271,7 +272,8 @@ class _Reader:
         texts = {"cut": "%d times the end of a line was cut off; the line behind says so",
                  "lost": "%d lines were lost before they could be written",
                  "clock": "%d times the clock was found set",
-                 "pruned": "%d times old files were pruned"}
+                 "pruned": "%d times old files were pruned",
+                 "removed": "%d lines were in files that were removed while the driver ran; a line says so"}
         for what, count in sorted(self._counts.items()):
             yield texts[what] % count
         if self._begins_after is not None:
