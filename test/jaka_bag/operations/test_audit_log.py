@@ -279,3 +279,26 @@ def test_a_log_that_grows_meanwhile_is_not_called_cut(log, monkeypatch):
     # In this module alone: another thread of the tests that slept would write the file while it is read.
     monkeypatch.setattr(audit_log, "time", SimpleNamespace(sleep=lambda _: path.write_bytes(whole)))
     assert log.verified().defect is None
+
+
+def test_a_folder_of_which_only_the_lock_is_left_is_a_defect(log, capsys):
+    (log.folder.parent / "bare").mkdir()
+    (log.folder.parent / "bare" / "lock").touch()
+    assert program.main(["verify", str(log.folder.parent)]) == 1
+    said = capsys.readouterr().out
+    assert "bare" in said and "no file of this log is left" in said and "12 lines in 4 files" in said
+    assert program.main(["verify", str(log.folder.parent / "bare")]) == 1
+
+
+def test_a_folder_that_cannot_be_read_is_named(log, capsys, monkeypatch):
+    closed = log.folder.parent / "closed"
+    closed.mkdir()
+    scandir = os.scandir
+
+    def refuse(path):  # root reads every folder
+        if os.path.basename(str(path)) == "closed":
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+    monkeypatch.setattr(os, "scandir", refuse)
+    assert program.main(["verify", str(log.folder.parent)]) == 1
+    assert "closed" in "".join(capsys.readouterr())

@@ -20,6 +20,8 @@ LONGEST_LINE = 16384
 _BEFORE_THE_FIRST = "0" * 64
 _CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')
 _NAME = re.compile(r"audit-([0-9]{12})\.jsonl\Z")
+_LOCK = "lock"
+"""The file by which a writer holds its folder, and which it leaves there: a log is or was in that folder."""
 _LAST = 10 ** 15
 _TOO_LONG = "foreign: longer than any line of this log"
 _GROWING_S = 0.3
@@ -75,17 +77,17 @@ def verify_audit(paths: Sequence[str]) -> List[Account]:
 
     Raises:
         BagError: There is no audit log.
-        OSError: A file cannot be read.
+        OSError: A file or a folder cannot be read.
     """
     logs: Dict[str, List[str]] = {}
     whole = set()
     for path in paths:
         if os.path.isdir(path):
             found = False
-            for folder, folders, names in os.walk(path):
+            for folder, folders, names in os.walk(path, onerror=_refuse):
                 folders.sort()
                 files = [os.path.join(folder, name) for name in names if name.endswith(SUFFIX)]
-                if files:
+                if files or _LOCK in names:
                     found = True
                     logs[folder] = files
                     whole.add(folder)
@@ -100,7 +102,13 @@ def verify_audit(paths: Sequence[str]) -> List[Account]:
             for folder, files in logs.items()]
 
 
+def _refuse(error: OSError) -> None:
+    raise error
+
+
 def _read(place: str, is_whole: bool, files: List[str]) -> Account:
+    if not files:
+        return Account(place, 0, 0, "", "", "", (), Defect(place, 1, "missing: no file of this log is left"))
     account = _Reader(place, is_whole).read(_in_order(files))
     if account.defect is not None and account.defect.what.startswith("cut"):
         time.sleep(_GROWING_S)
