@@ -55,13 +55,13 @@ def feed(subject: ExaminedSystem) -> Observation:
     if not came.states and came.damaged:
         return fault(found, "this is no status feed that the driver understands",
                      "is it the controller's status port (10000)? send the bundle")
-    if not came.states:
+    if len(came.states) < 2 or came.was_closed:
         return fault("%s%s" % (found, ", and the port was closed" if came.was_closed else ""),
                      "the driver moves nothing without states",
                      "is the controller still starting, or its feed switched off? restart it")
-    times = [state.received_at for state in came.states]
+    times = [*(state.received_at for state in came.states), came.ended_at]
     gap = max((b - a for a, b in zip(times, times[1:])), default=0.0)
-    rate = (len(times) - 1) / max(times[-1] - times[0], 1e-6)
+    rate = (len(came.states) - 1) / max(times[-2] - times[0], 1e-6)
     found = "%s, %.0f Hz, longest pause %.3f s" % (found, rate, gap)
     if came.damaged:
         return warning(found, "damaged frames are left out", "check cable and network")

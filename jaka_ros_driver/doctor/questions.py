@@ -33,6 +33,7 @@ class FeedSample(NamedTuple):
         newest: The newest frame as it was sent; empty where none came.
         seconds: For how long it was listened to, s.
         was_closed: The controller closed the connection.
+        ended_at: Monotonic time at which listening ended, s.
     """
 
     error: Optional[OSError]
@@ -41,6 +42,7 @@ class FeedSample(NamedTuple):
     newest: JsonObject
     seconds: float
     was_closed: bool
+    ended_at: float
 
 
 class Answers(NamedTuple):
@@ -68,7 +70,7 @@ def listen_to_feed(host: str, port: int, seconds: float = _LISTEN_S) -> FeedSamp
     try:
         connection = socket.create_connection((host, port), CONNECT_S)
     except (OSError, UnicodeError) as error:
-        return FeedSample(_as_os_error(error), [], 0, {}, 0.0, False)
+        return FeedSample(_as_os_error(error), [], 0, {}, 0.0, False, time.monotonic())
     begun = time.monotonic()
     with connection:
         while not was_closed and time.monotonic() - begun < seconds:
@@ -82,7 +84,8 @@ def listen_to_feed(host: str, port: int, seconds: float = _LISTEN_S) -> FeedSamp
                     newest = item
                 except JakaError:
                     damaged += 1
-    return FeedSample(None, states, damaged, newest, time.monotonic() - begun, was_closed)
+    ended = time.monotonic()
+    return FeedSample(None, states, damaged, newest, ended - begun, was_closed, ended)
 
 
 def ask_controller(host: str, port: int) -> Answers:
