@@ -1,7 +1,14 @@
 """The black box that robot_start_launch.launch starts beside a driver: an emergency stop leaves a complete file."""
+import contextlib
 import json
+import os
 import shlex
+import signal
+import subprocess
+import sys
+import time
 
+import pytest
 import roslaunch
 from driver_bench import rosservice
 from import_graph import ROOT
@@ -27,6 +34,45 @@ def test_it_has_low_priority_and_takes_a_folder_with_spaces():
     assert not node.respawn and not node.required and node.launch_prefix.startswith("nice -n 10 ")
     words = shlex.split(node.args)
     assert words[words.index("--black-box") + 1] == "/data/black box" and "--state-log" in words
+
+
+FAILS = "import sys; open(sys.argv[1], 'a').write('x'); sys.exit(int(sys.argv[2]))"
+
+
+@pytest.mark.parametrize("code, at_least", [(0, 1), (1, 2), (2, 1)])
+def test_it_is_started_again_after_a_crash_alone(tmp_path, code, at_least):
+    with under_prefix(tmp_path, code) as process:
+        assert eventually(lambda: len(starts(tmp_path)) >= at_least)
+        if code != 1:
+            assert process.wait(WAIT) == code and len(starts(tmp_path)) == 1
+
+
+def test_ctrl_c_between_two_tries_starts_it_no_more(tmp_path):
+    with under_prefix(tmp_path, 1) as process:
+        assert eventually(lambda: starts(tmp_path))
+        time.sleep(0.5)  # a part of the pause of 2 s
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(WAIT) == 1
+    assert len(starts(tmp_path)) == 1
+
+
+def starts(folder):
+    path = folder / "starts"
+    return path.read_text() if path.exists() else ""
+
+
+@contextlib.contextmanager
+def under_prefix(folder, code):
+    """Run a program that ends with this exit code as the launch file starts the black box, in a group of its own."""
+    (node,) = black_boxes("black_box:=/data", "ip:=10.5.5.100")
+    command = [*shlex.split(node.launch_prefix), sys.executable, "-c", FAILS, str(folder / "starts"), str(code)]
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def triggers_of(path):
