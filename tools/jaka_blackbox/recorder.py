@@ -121,6 +121,7 @@ class BlackBox:
         self._forgotten_at: Optional[float] = None
         self._numbers: Dict[PublisherStream, int] = {}
         self._latched: Dict[PublisherStream, _Item] = {}
+        self._latched_in_file: Dict[PublisherStream, _Item] = {}
         self._accounts: Deque[Tuple[float, Dict[PublisherStream, _Lost]]] = collections.deque()
         self._files: Optional[RollingFiles] = None
         self._stem = folder
@@ -222,6 +223,7 @@ class BlackBox:
         """Begin a file with the newest message of each latched publisher, then all messages in memory."""
         self._stem = new_stem(self._folder, trigger.kind)
         self._count = 0
+        self._latched_in_file.clear()
         if not self._open():
             return
         assert self._files is not None
@@ -245,19 +247,31 @@ class BlackBox:
             self._files = None
         return self._files is not None
 
-    def _write(self, item: _Item) -> None:
+    def _put(self, item: _Item) -> None:
         files = self._files
         if files is None:
             return
+        if item.stream.connection.latching:
+            self._latched_in_file[item.stream] = item
         self._guarded(lambda: files.add(item.stream, item.log_time, item.publish_time, item.payload, item.number))
+
+    def _write(self, item: _Item) -> None:
+        """Write a message; where the file has its size, go on in another one that has the latched ones, too."""
+        files = self._files
+        if files is None:
+            return
+        self._put(item)
         limit = min(_LARGEST_FILE, self._keep.size // 4 or _LARGEST_FILE)
         if self._files is not None and files.size >= limit:
             before = self._stem
             self._finish()
             self._stem = new_stem(self._folder, "continued")
             self._count = 0
+            self._remembered_s = 0.0
             self._open()
             self._note(Trigger("continued", "goes on from %s.mcap" % before.name, ""), item.log_time)
+            for latched in list(self._latched_in_file.values()):
+                self._put(latched._replace(log_time=item.log_time))
 
     def _guarded(self, work: Callable[[], Any]) -> None:
         """Do something with the file; where the system refuses, it ends there, and the black box goes on."""
