@@ -20,6 +20,10 @@ MD5SUM = "937c9679a518e3a18d831e57125ea522"
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER = 1 << 16
 _PATIENCE_S = 30.0
+MOST_CONNECTIONS = 16
+"""Most connections at a time, each with a thread; one that is too many is closed at once."""
+_REFUSED_PAUSE_S = 0.1
+"""Pause, s, after the system has refused a connection: descriptors run out and come free again."""
 
 
 class TriggerService:
@@ -37,6 +41,8 @@ class TriggerService:
         self._node = node
         self._node_uri = node_uri
         self._answer = answer
+        self._is_closing = threading.Event()
+        self._places = threading.BoundedSemaphore(MOST_CONNECTIONS)
         host, bind = host_address(os.environ)
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.settimeout(None)  # whatever new sockets have in this process
@@ -64,6 +70,7 @@ class TriggerService:
         """Withdraw the service."""
         with contextlib.suppress(JakaBagError), RemoteNode(master_uri(), self._node) as master:
             master.call("unregisterService", self._name, self.uri)
+        self._is_closing.set()
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
@@ -74,10 +81,25 @@ class TriggerService:
             try:
                 link, _ = self._listener.accept()
             except OSError:
-                return  # closed
-            threading.Thread(target=self._serve, args=(link,), name="trigger-call", daemon=True).start()
+                if self._is_closing.wait(_REFUSED_PAUSE_S):
+                    return
+                continue
+            if not self._places.acquire(blocking=False):
+                link.close()
+                continue
+            try:
+                threading.Thread(target=self._serve, args=(link,), name="trigger-call", daemon=True).start()
+            except RuntimeError:  # the system gives no thread now
+                link.close()
+                self._places.release()
 
     def _serve(self, link: socket.socket) -> None:
+        try:
+            self._talk(link)
+        finally:
+            self._places.release()
+
+    def _talk(self, link: socket.socket) -> None:
         with contextlib.suppress(OSError, JakaBagError), link:
             link.settimeout(_PATIENCE_S)
             fields = decode_header(self._block(link, _MAX_HEADER))
