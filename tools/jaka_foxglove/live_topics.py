@@ -226,6 +226,8 @@ class LiveTopics(ChannelSource):
                         self._notice("%s; waiting for it" % error)
                 except ProtocolError as error:
                     self._notice_once("graph", str(error))
+                except Exception as error:  # a defect here, or a graph that nobody foresaw: viewers keep what they have
+                    self._notice_once("graph", "the graph is not understood: %r" % error)
                 self._wake.wait(_WATCH_PERIOD_S)
 
     def _in_loop(self, act: Callable[..., Any], *arguments: Any) -> None:

@@ -36,13 +36,17 @@ class _Definition(NamedTuple):
 
 
 def _definition_of(type_name: str) -> Optional[_Definition]:
-    """Return the definition of a service type; None where it is not installed here."""
+    """Return the definition of a service type; None where it is not installed here.
+
+    A server names its type as it likes, and to import the module runs what the package has in it: nothing that goes
+    wrong there says more than that there is no definition.
+    """
     package, _, name = type_name.partition("/")
     try:
         generated = getattr(importlib.import_module(package + ".srv"), name)
         return _Definition(str(generated._md5sum), str(generated._request_class._full_text),
                            str(generated._response_class._full_text))
-    except (ImportError, AttributeError, ValueError):
+    except Exception:
         return None
 
 
@@ -71,10 +75,14 @@ class _ServiceLink:
         self._request = {"callerid": node, "service": name, "md5sum": md5sum}
         if is_probe:
             self._request["probe"] = "1"
-        address = urlsplit(uri)
-        if address.hostname is None or address.port is None:
+        try:
+            address = urlsplit(uri)
+            host, port = address.hostname, address.port
+        except ValueError as error:
+            raise ProtocolError("%s of %s is no address: %s" % (uri, name, error)) from error
+        if host is None or port is None:
             raise ProtocolError("%s of %s is no address" % (uri, name))
-        self._address = address.hostname, address.port
+        self._address = host, port
         self._name = name
         self.fields: Dict[str, str] = {}
 
@@ -84,6 +92,8 @@ class _ServiceLink:
                                                                 _CONNECT_TIMEOUT_S)
         except (OSError, asyncio.TimeoutError) as error:
             raise ConnectionLost("%s cannot be reached: %s" % (self._name, error)) from error
+        except ValueError as error:  # UnicodeError: a host that cannot be asked for
+            raise ProtocolError("%s:%d of %s is no address: %s" % (*self._address, self._name, error)) from error
         try:
             self._writer.write(encode_header(self._request))
             header = await asyncio.wait_for(self._read(_LARGEST_HEADER), _CONNECT_TIMEOUT_S)

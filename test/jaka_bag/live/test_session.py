@@ -65,3 +65,27 @@ def test_a_signal_that_comes_at_any_line_of_the_end_waits_for_nothing(act):
 
     assert hangs(begin) == []
     assert all(session.stop.is_set() for session in sessions[:-1]) and len(sessions) > 2
+
+
+def test_the_watch_goes_on_after_what_nobody_foresaw():
+    recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure=None, streams=list, full_topics=set())
+    told, looks = [], []
+    session = RecordingSession(recorder, TopicSelection(), lambda connection: True, told.append)
+    transport = Transport(session)
+
+    def resubscribe():
+        looks.append(1)
+        if len(looks) >= 2:
+            session.end("a signal")
+        raise ValueError("too many values to unpack")
+
+    def poll(timeout):
+        transport.answered.set()
+        session.stop.wait(0.01)
+    transport.resubscribe, transport.poll = resubscribe, poll
+    patience = threading.Timer(20.0, session.end, ["patience"])
+    patience.start()
+    session.run(lambda: transport, False)
+    patience.cancel()
+    assert len(looks) >= 2
+    assert len([text for text in told if "too many values" in text]) == 1, "it is said once"

@@ -167,6 +167,8 @@ class RecordingSession:
                     self._notice("%s; recording goes on, waiting for it" % error)
             except ProtocolError as error:
                 self._notice_once("graph", str(error))
+            except Exception as error:  # a defect here, or a graph that nobody foresaw: recording goes on
+                self._notice_once("graph", "the graph is not understood: %r" % error)
             now = time.monotonic()
             if now >= statistics_at:
                 statistics_at = now + _STATISTICS_PERIOD_S

@@ -1,0 +1,120 @@
+"""Services of the graph whose addresses or headers are odd: the others are shown, and the watch goes on."""
+import contextlib
+import socket
+import struct
+import sys
+import threading
+import time
+import types
+from types import SimpleNamespace
+
+import pytest
+
+from jaka_bag.errors import ProtocolError
+from jaka_bag.live.names import NodeNames
+from jaka_bag.live.subscriber import accept_all
+from jaka_bag.live.tcpros import encode_header
+from jaka_bag.live.topic_selection import TopicSelection
+from jaka_foxglove.live_topics import LiveOptions, LiveTopics
+from jaka_foxglove.service_calls import ServiceCalls
+
+PATIENCE_S = 20.0
+GOOD = {"type": "cell_msgs/Switch", "md5sum": "0" * 32}
+
+
+@pytest.fixture(autouse=True)
+def installed(monkeypatch):
+    """Install a package with one service type, as a workspace has them."""
+    request = SimpleNamespace(_full_text="bool data")
+    package, services = types.ModuleType("cell_msgs"), types.ModuleType("cell_msgs.srv")
+    services.Switch = SimpleNamespace(_md5sum="0" * 32, _request_class=request, _response_class=request)
+    monkeypatch.setitem(sys.modules, "cell_msgs", package)
+    monkeypatch.setitem(sys.modules, "cell_msgs.srv", services)
+
+
+@contextlib.contextmanager
+def server_of(header):
+    """Answer each probe with this header; yield the address."""
+    listener = socket.socket()
+    listener.bind(("127.0.0.1", 0))
+    listener.listen(8)
+
+    def serve():
+        while True:
+            try:
+                link, _ = listener.accept()
+            except OSError:
+                return
+            with link, contextlib.suppress(OSError):
+                link.settimeout(PATIENCE_S)
+                link.recv(struct.unpack("<I", link.recv(4))[0])
+                link.sendall(encode_header(header))
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield "rosrpc://127.0.0.1:%d" % listener.getsockname()[1]
+    finally:
+        listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        thread.join()
+
+
+class Master:
+    """A master that knows these services, by name."""
+
+    def __init__(self, services):
+        self.services = services
+
+    def call(self, method, *arguments):
+        if method == "getSystemState":
+            return [[], [], [[name, ["/node"]] for name in self.services]]
+        return self.services[arguments[0]]
+
+
+def shown(services):
+    """Return the names of the services that are shown of these."""
+    calls, found = ServiceCalls("/viewers", "/", lambda text: None), []
+    calls.look(Master(services), lambda by_number, frames: found.extend(one.name for one in by_number.values()))
+    return found
+
+
+@pytest.mark.parametrize("uri", ["rosrpc://host:70000", "rosrpc://[bad:1", "rosrpc://a..b:80", "rosrpc://host:x",
+                                 "rosrpc://%s.b:80" % ("a" * 70), ""])
+def test_a_service_without_an_address_leaves_the_others_shown(uri):
+    with server_of(GOOD) as good:
+        assert shown({"/a": uri, "/b": good}) == ["/b"]
+
+
+@pytest.mark.parametrize("type_name", ["", "./x", "..", "cell_msgs/", "/", "cell_msgs/\0", "a b/c"])
+def test_a_service_whose_type_is_none_leaves_the_others_shown(type_name):
+    with server_of(dict(GOOD, type=type_name)) as odd, server_of(GOOD) as good:
+        assert shown({"/a": odd, "/b": good}) == ["/b"]
+
+
+def test_a_package_that_fails_while_it_is_imported_leaves_the_others_shown(tmp_path, monkeypatch):
+    (tmp_path / "broken_msgs").mkdir()
+    (tmp_path / "broken_msgs" / "__init__.py").write_text("")
+    (tmp_path / "broken_msgs" / "srv.py").write_text("1 / 0\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with server_of(dict(GOOD, type="broken_msgs/Any")) as odd, server_of(GOOD) as good:
+        assert shown({"/a": odd, "/b": good}) == ["/b"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError("odd"), ProtocolError("odd")])
+def test_the_watch_goes_on_after_what_nobody_foresaw(error, monkeypatch):
+    notices, looks = [], []
+    live = LiveTopics(NodeNames("/viewers"), LiveOptions(TopicSelection(everything=True), accept_all), notices.append,
+                      notices.append)
+
+    def look(master):
+        looks.append(master)
+        if len(looks) >= 3:
+            live._stop.set()
+        live._wake.set()
+        raise error
+    monkeypatch.setattr(live, "_look_at_topics", look)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1/")
+    since = time.monotonic()
+    live._watch()
+    assert len(looks) == 3 and time.monotonic() - since < PATIENCE_S
+    assert len(notices) == 1 and "odd" in notices[0], "it is said once"
