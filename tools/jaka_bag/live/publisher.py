@@ -21,6 +21,8 @@ from .names import NodeNames, host_address
 from .tcpros import decode_header, encode_header
 
 _LENGTH = struct.Struct("<I")
+_REFUSED_PAUSE_S = 0.1
+"""Pause, s, after the system has refused a connection: descriptors run out and come free again."""
 _HANDSHAKE_TIMEOUT_S = 5.0
 _MAX_HEADER = 1 << 20
 _SLOW_NOTICE_S = 1.0
@@ -129,8 +131,14 @@ class Publisher:
             try:
                 link_socket, _ = self._listener.accept()
             except OSError:
-                return  # closed
-            threading.Thread(target=self._shake_hands, args=(link_socket,), name="tcpros-hello", daemon=True).start()
+                if self._closes.wait(_REFUSED_PAUSE_S):
+                    return
+                continue
+            try:
+                threading.Thread(target=self._shake_hands, args=(link_socket,), name="tcpros-hello",
+                                 daemon=True).start()
+            except RuntimeError:  # the system gives no thread now: a subscriber tries again
+                link_socket.close()
 
     def _shake_hands(self, link_socket: socket.socket) -> None:
         try:

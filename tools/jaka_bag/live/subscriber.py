@@ -246,7 +246,11 @@ class Subscriber:
                 protocol = node.call("requestTopic", topic, [["TCPROS"]])
             if not isinstance(protocol, (list, tuple)) or len(protocol) < 3 or protocol[0] != "TCPROS":
                 raise ProtocolError("%s offers no TCPROS for %s" % (uri, topic))
-            self._command(self._connect, topic, uri, resolve(str(protocol[1]), int(protocol[2])))
+            try:
+                address = resolve(str(protocol[1]), int(protocol[2]))
+            except (ValueError, TypeError, OverflowError) as error:  # UnicodeError among them
+                raise ProtocolError("%s names no address for %s: %s" % (uri, topic, error)) from error
+            self._command(self._connect, topic, uri, address)
         except JakaBagError as error:
             self._command(self._ask_failed, topic, uri, error)
 

@@ -1,0 +1,68 @@
+"""Peers with an odd address, and a system that refuses connections: what was begun is tried again."""
+import errno
+import os
+import socket
+import time
+
+import pytest
+
+from jaka_bag.live.graph import SlaveServer
+from jaka_bag.live.names import NodeNames
+from jaka_bag.live.publisher import Publisher
+from jaka_bag.live.subscriber import Subscriber, accept_all
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture(autouse=True)
+def no_master(monkeypatch):
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1/")
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    monkeypatch.delenv("ROS_HOSTNAME", raising=False)
+
+
+@pytest.mark.parametrize("address", [("a..b", 80), ("%s.b" % ("a" * 70), 80), ("127.0.0.1", "x"), ("127.0.0.1", []),
+                                     ("127.0.0.1", -1)])
+def test_a_publisher_with_an_odd_address_is_asked_again(address):
+    asked = []
+    talker = SlaveServer("/talker", "127.0.0.1", "127.0.0.1", lambda topic, uris: None, lambda reason: None)
+    talker.topic_address = lambda topic: asked.append(topic) or address
+    listener = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, lambda text: None, str)
+    try:
+        listener._accepts["/a"] = accept_all
+        listener._on_publishers("/a", [talker.uri])
+        until = time.monotonic() + PATIENCE_S
+        while len(asked) < 2 and time.monotonic() < until:
+            listener.poll(0.05)
+    finally:
+        listener._accepts.clear()
+        listener.close()
+        talker.close()
+    assert len(asked) >= 2
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.ECONNABORTED])
+def test_a_connection_that_the_system_refuses_does_not_end_a_publisher(monkeypatch, number):
+    publisher = Publisher(NodeNames("/player"), lambda text: None, lambda reason: None)
+    address = publisher._listener.getsockname()
+    real, refusals = socket.socket.accept, []
+
+    def refuse(listener):
+        if listener is publisher._listener and len(refusals) < 2:
+            refusals.append(number)
+            raise OSError(number, os.strerror(number))
+        return real(listener)
+    monkeypatch.setattr(socket.socket, "accept", refuse)
+    try:
+        for _ in range(2):  # the first takes the accept that is under way
+            with socket.create_connection(address, PATIENCE_S) as link:
+                link.settimeout(PATIENCE_S / 2)
+                link.sendall(b"\xff\xff\xff\xff")  # too long a header: it is closed
+                link.shutdown(socket.SHUT_WR)
+                try:
+                    assert link.recv(1) == b""
+                except ConnectionResetError:
+                    pass
+    finally:
+        publisher.close(0.0)
+    assert len(refusals) == 2
