@@ -1,6 +1,7 @@
 """The hub with drivers and pages of the tests' own: what is sent, and what is not any more, when something goes."""
 import asyncio
 import io
+import json
 import socket
 import threading
 import time
@@ -13,6 +14,7 @@ from jaka_panel.graph import requests
 from jaka_panel.pages.commands import answer_to
 from jaka_panel.pages.door import Door
 from jaka_panel.pages.hub import Hub
+from jaka_panel.pages.server import Server
 from jaka_panel.pages.session import Session
 from jaka_panel.pages.websocket_session import WebSocketSession
 from jaka_panel.settings import Settings
@@ -202,6 +204,22 @@ def test_a_panel_that_ends_begins_nothing_more_and_stops_what_its_pages_moved(se
         await closing
         assert desk.asked_at and time.monotonic() - began < 1.2, "pages are ended beside each other"
         assert not service.looked.is_set()
+    run(work)
+
+
+def test_the_answer_to_a_stop_says_when_it_was_served():
+    async def work():
+        bench = Bench(Desk("/arm", stop_s=0.05))
+        began = time.monotonic()
+        server = Server(Settings(), bench.hub, SimpleNamespace(has_bearer=lambda headers: True), None)
+        posted = json.loads((await server._stop(SimpleNamespace(headers={}, query={}))).text)
+        page = bench.pages[0]
+        WebSocketSession(bench.hub, None, page).take({"t": "stop", "id": 1, "arm": "/arm"})
+        while page.told[-1]["t"] != "answer":
+            await asyncio.sleep(0.001)
+        told = page.told[-1]
+        assert posted["ok"] and told["ok"]
+        assert began + 0.04 < posted["now"] < told["now"] <= time.monotonic() + 0.001
     run(work)
 
 

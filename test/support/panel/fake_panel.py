@@ -135,7 +135,7 @@ class FakePanel:
         while self.silent:
             await asyncio.sleep(0.01)
         return web.json_response({"ok": self.may == "command" and request.headers.get(
-            "Authorization") == "Bearer " + TOKEN, "message": ""})
+            "Authorization") == "Bearer " + TOKEN, "message": "", "now": time.monotonic()})
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
         if self.refusing:

@@ -3,6 +3,7 @@ import asyncio
 import json
 import socket
 import ssl
+import time
 from typing import Any, Optional
 
 from aiohttp import web
@@ -122,4 +123,5 @@ class Server:
         if arm is not None and arm not in self._hub.arms:
             return web.Response(status=404, text="no such arm\n")
         error = await self._hub.ask(self._hub.stop(arm))
-        return web.json_response({"ok": not error, "message": error}, dumps=json.dumps)
+        return web.json_response({"ok": not error, "message": error, "now": round(time.monotonic(), 4)},
+                                 dumps=json.dumps)

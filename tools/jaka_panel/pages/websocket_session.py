@@ -153,7 +153,8 @@ class WebSocketSession:
     async def _stop_and_answer(self, message: Message, arm: Optional[str]) -> None:
         begin = time.monotonic()
         error = await self._hub.stop(arm)
-        self._answer(message, not error, error, took=round(time.monotonic() - begin, 4))
+        now = time.monotonic()
+        self._answer(message, not error, error, took=round(now - begin, 4), now=round(now, 4))
 
     # ---- commands ----
 

@@ -34,6 +34,8 @@ export function mountStop(app) {
   /** Server's clock when the newest stop was served, s. */
   let servedAt = Infinity;
   let isConfirmed = false;
+  /** "Confirmed at rest" is what is said now. */
+  let isRestSaid = false;
 
   /** @returns {Promise<Answer>} */
   async function post() {
@@ -77,11 +79,21 @@ export function mountStop(app) {
     const isWithout = isRefused();
     button.classList.toggle('unable', isWithout);
     setAttribute(button, 'aria-disabled', isWithout ? 'true' : null);
-    if (presses === 0) setText(said, isWithout ? 'stop.unable' : 'stop.hint');
+    if (presses === 0) sayHint();
+  }
+
+  function sayHint() {
+    say(isRefused() ? 'stop.unable' : 'stop.hint', false);
+  }
+
+  /** What was true of the arm is not said for longer than it is. */
+  function takeBack() {
+    if (isRestSaid) sayHint();
   }
 
   /** @param {string} key @param {boolean} isBad */
   function say(key, isBad) {
+    isRestSaid = false;
     setText(said, key);
     said.classList.toggle('bad', isBad);
   }
@@ -102,7 +114,8 @@ export function mountStop(app) {
     if (press !== presses) return;
     button.classList.remove('pressed');
     if (answer.ok) {
-      servedAt = app.connection.serverNow;
+      // by a POST it is served while the socket may stand still, whose newest message is old by then
+      servedAt = answer.now ?? app.connection.serverNow + app.connection.silence();
       return;
     }
     say(isRefused() ? 'stop.no_token' : 'stop.unconfirmed', true);
@@ -111,11 +124,18 @@ export function mountStop(app) {
 
   app.store.on('welcome', showAbility);
   app.store.on('state', (state) => {
-    if (state.arm !== app.store.chosen || !app.store.rests()) return;
+    if (state.arm !== app.store.chosen) return;
+    if (!app.store.showsRest()) takeBack();
+    if (!app.store.rests()) return;
     if (!(state.now - state.age > servedAt)) return;  // a sample of before the stop says nothing
     servedAt = Infinity;
     isConfirmed = true;
     say(app.store.arms.length > 1 ? 'stop.done_one' : 'stop.done', false);
+    isRestSaid = true;
+  });
+  app.store.on('chosen', takeBack);
+  app.store.on('link', () => {
+    if (app.connection.state !== 'open') takeBack();
   });
 
   button.addEventListener('pointerdown', (event) => {

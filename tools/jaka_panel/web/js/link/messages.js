@@ -117,6 +117,7 @@
  * @property {string} message
  * @property {any} [data]
  * @property {number} [took] s
+ * @property {number} [now] Of a stop: when it was served, by the server's clock, s.
  * @property {boolean} [pending]
  */
 

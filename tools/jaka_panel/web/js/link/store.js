@@ -144,11 +144,19 @@ export class Store {
 
   /**
    * @param {string} [id]
+   * @returns {boolean} Whether the newest state shows that the arm rests, however long ago it came.
+   */
+  showsRest(id) {
+    const { state } = this.record(id);
+    return state?.fresh === true && Boolean(state.dq) && !this.moves(id);
+  }
+
+  /**
+   * @param {string} [id]
    * @returns {boolean} Whether the newest state, which comes as it should, shows that the arm rests.
    */
   rests(id) {
-    const { state } = this.record(id);
-    return state?.fresh === true && this.age(id) - this.way <= STALE_S && Boolean(state.dq) && !this.moves(id);
+    return this.showsRest(id) && this.age(id) - this.way <= STALE_S;
   }
 
   /** @param {string} id */

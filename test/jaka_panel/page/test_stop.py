@@ -1,0 +1,88 @@
+"""STOP of the page: what it says of the arm is what the arm's states show, for as long as they show it."""
+import asyncio
+import json
+import time
+
+import pytest
+from fake_panel import ARM, FakePanel, arm_info
+from waiting import eventually
+
+MANY_ARMS = "this arm: confirmed at rest"
+
+
+class HeldPanel(FakePanel):
+    """A panel whose messages wait on their way while ``held`` is a list."""
+
+    held = None
+
+    async def _send(self, socket, message):
+        message = dict({"now": time.monotonic()}, **message)
+        if self.held is None:
+            await super()._send(socket, message)
+        else:
+            self.held.append((socket, message))
+
+    async def _let_go(self):
+        waiting, self.held = self.held, None
+        for socket, message in waiting:
+            await super()._send(socket, message)
+
+    def let_go(self):
+        """Deliver what waits, in its order."""
+        asyncio.run_coroutine_threadsafe(self._let_go(), self._loop).result(30.0)
+
+
+@pytest.fixture
+def panel():
+    with HeldPanel() as server:
+        yield server
+
+
+def test_samples_of_before_a_stop_by_post_confirm_nothing(panel, open_page):
+    page = open_page()
+    page.evaluate("""(() => {
+        const place = document.querySelector('#stop-said');
+        window.everSaid = [];
+        new MutationObserver(() => window.everSaid.push(place.textContent)).observe(
+            place, {childList: true, characterData: true, subtree: true});
+    })()""")
+    panel.held = []
+    time.sleep(0.3)  # states of an arm at rest wait on their way
+    panel.wave = 0.5
+    page.click("#stop")
+    assert eventually(lambda: "http" in panel.stops)
+    time.sleep(0.3)  # its answer is there
+    panel.let_go()
+    page.until_text("#line-said", "Moving")
+    page.until_text("#stop-said", "NOT CONFIRMED")
+    said = page.evaluate("window.everSaid")
+    assert not [text for text in said if "confirmed at rest" in text], said
+    panel.wave = 0.0
+    page.until_text("#stop-said", "confirmed at rest")
+
+
+def test_the_words_of_rest_go_when_the_arm_moves(panel, open_page):
+    page = open_page()
+    page.click("#stop")
+    page.until_text("#stop-said", "confirmed at rest")
+    panel.wave = 0.5
+    page.until("!document.querySelector('#stop-said').textContent.includes('confirmed')", timeout=5.0)
+    panel.wave = 0.0
+    page.click("#stop")
+    page.until_text("#stop-said", "confirmed at rest")
+    panel.silent = True
+    page.until("!document.querySelector('#stop-said').textContent.includes('confirmed')", timeout=5.0)
+    panel.silent = False
+
+
+def test_the_words_of_rest_are_not_said_over_another_arm(panel, open_page):
+    panel.arms = [arm_info(), arm_info("/other")]
+    page = open_page()
+    page.click("#stop")
+    page.until_text("#stop-said", MANY_ARMS)
+    page.evaluate("""(() => {
+        const choice = document.querySelector('#arm');
+        choice.value = %s;
+        choice.dispatchEvent(new Event('change', {bubbles: true}));
+    })()""" % json.dumps("/other" if page.evaluate("document.querySelector('#arm').value") == ARM else ARM))
+    page.until("!document.querySelector('#stop-said').textContent.includes('confirmed')", timeout=5.0)
