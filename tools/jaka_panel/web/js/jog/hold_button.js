@@ -1,5 +1,7 @@
 /** A button that acts while it is pressed, by pointer or by the Enter key, and by nothing else. */
 
+/** The button of a mouse that presses; a finger and the tip of a pen count as it, too. A bit of `buttons`. */
+const MAIN = 1;
 /** The pointer may leave the button by so much, px. */
 const SLACK = 12;
 
@@ -45,7 +47,7 @@ export function makeHoldButton(button, press, release) {
     const box = button.getBoundingClientRect();
     const isInside = event.clientX >= box.left - SLACK && event.clientX <= box.right + SLACK
       && event.clientY >= box.top - SLACK && event.clientY <= box.bottom + SLACK;
-    if (!isInside || event.buttons === 0) letGo('released');
+    if (!isInside || !(event.buttons & MAIN)) letGo('released');  // another button may still be down
   });
   for (const kind of ['pointerup', 'pointercancel', 'lostpointercapture']) {
     button.addEventListener(kind, (event) => {

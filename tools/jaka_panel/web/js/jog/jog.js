@@ -124,13 +124,20 @@ export function mountJog(root, app) {
   const speed = /** @type {HTMLInputElement} */ (h('input', { type: 'range', min: 1, max: 100, step: 1, id: 'jog-speed',
     class: 'needs-control' }));
   const speedText = h('output', { for: 'jog-speed' });
-  speed.addEventListener('input', () => replaceText(speedText, `${speed.value} %`));
+  /** Share of the jog speed that holds, as it was told last. */
+  let fraction = store.jogFraction;
+  speed.addEventListener('input', () => {
+    hold.end('released');  // nothing becomes faster under a finger that holds it
+    replaceText(speedText, `${speed.value} %`);
+  });
   speed.addEventListener('change', async () => {
     await app.command('jog_speed', { fraction: Number(speed.value) / 100 }, { arm: null, quiet: true });
     showSpeed();
   });
 
   function showSpeed() {
+    if (store.jogFraction !== fraction) hold.end('released');
+    fraction = store.jogFraction;
     speed.max = String(Math.round(100 * (store.welcome?.jog?.max_fraction ?? 1)));
     speed.value = String(Math.round(100 * store.jogFraction));
     replaceText(speedText, `${speed.value} %`);
