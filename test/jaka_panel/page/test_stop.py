@@ -86,3 +86,21 @@ def test_the_words_of_rest_are_not_said_over_another_arm(panel, open_page):
         choice.dispatchEvent(new Event('change', {bubbles: true}));
     })()""" % json.dumps("/other" if page.evaluate("document.querySelector('#arm').value") == ARM else ARM))
     page.until("!document.querySelector('#stop-said').textContent.includes('confirmed')", timeout=5.0)
+
+
+def test_where_the_browser_can_keep_nothing_the_page_works_and_stops(browser, panel):
+    page = browser.open()
+    page.call("Page.addScriptToEvaluateOnNewDocument", source="""
+        Storage.prototype.setItem = () => { throw new DOMException('full', 'QuotaExceededError'); };""")
+    page.go(panel.url)
+    page.until("document.querySelector('#stop') !== null")
+    page.until("document.querySelector('#joints td.number')?.textContent", "it is drawn", timeout=10.0)
+    assert "token" not in page.evaluate("location.href")
+    page.click("#language")
+    page.until("document.documentElement.lang === 'zh-CN'", timeout=5.0)
+    page.click("#language")
+    page.click("#theme")
+    page.click("#stop")
+    page.until_text("#stop-said", "confirmed at rest")
+    assert panel.stops and not page.complaints
+    page.close()

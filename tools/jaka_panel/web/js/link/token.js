@@ -1,4 +1,5 @@
 /** The token of the page's address: `#token=...`. It leaves the address at once, so that no screenshot shows it. */
+import { keep } from '../ui/keep.js';
 
 const KEPT_AS = 'jaka-panel-token';
 
@@ -13,7 +14,7 @@ const KEPT_AS = 'jaka-panel-token';
 export function takeToken(location, history, storage) {
   const given = new URLSearchParams(location.hash.replace(/^#/, '')).get('token');
   if (given) {
-    storage?.setItem(KEPT_AS, given);
+    keep(storage, KEPT_AS, given);
     history.replaceState(null, '', location.pathname + location.search);
     return given;
   }

@@ -1,5 +1,6 @@
 /** The drawer at the foot of the page: plots and lists, as high as it was left, or closed to its bar. */
 import { byId, h, setAttribute, setText } from './dom.js';
+import { keep } from './keep.js';
 
 const KEPT_AS = 'jaka-panel-drawer';
 /** Lowest height of an open drawer, px. */
@@ -68,12 +69,7 @@ export function mountDrawer(storage, tabs, news) {
     setText(toggle, height ? 'drawer.close' : 'drawer.open');
     setAttribute(toggle, 'aria-expanded', String(height > 0));
     setAttribute(edge, 'aria-valuenow', String(Math.round((100 * height) / window.innerHeight)));
-    if (!isKept) return;
-    try {
-      storage?.setItem(KEPT_AS, String(height));
-    } catch {
-      // a browser that stores nothing: the size holds until the page is closed
-    }
+    if (isKept) keep(storage, KEPT_AS, String(height));
   }
 
   tabs.addEventListener('click', () => {

@@ -1,6 +1,7 @@
 /** The page's language: all texts stand in i18n/en.js and i18n/zh.js, by the same keys. */
 import { en } from '../../i18n/en.js';
 import { zh } from '../../i18n/zh.js';
+import { keep } from './keep.js';
 
 /** @type {Record<string, Record<string, string>>} */
 const LANGUAGES = { en, zh };
@@ -37,7 +38,7 @@ export function firstLanguage(storage, wanted) {
  */
 export function chooseLanguage(code, storage) {
   language = languages.includes(code) ? code : 'en';
-  storage?.setItem(KEPT_AS, language);
+  keep(storage, KEPT_AS, language);
 }
 
 /**

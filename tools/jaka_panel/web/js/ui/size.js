@@ -1,5 +1,6 @@
 /** The three ways in which the page is laid out: for a desk, for fingers on a tablet, for a wall that is read at 2 m. */
 import { byId, h } from './dom.js';
+import { keep } from './keep.js';
 
 const KEPT_AS = 'jaka-panel-view';
 const VIEWS = ['desk', 'tablet', 'wall'];
@@ -31,11 +32,7 @@ export function mountView(storage) {
 
   select.addEventListener('change', () => {
     show(select.value);
-    try {
-      storage?.setItem(KEPT_AS, select.value);
-    } catch {
-      // a browser that stores nothing
-    }
+    keep(storage, KEPT_AS, select.value);
   });
   show(firstView(location.search, storage?.getItem(KEPT_AS), matchMedia('(pointer: coarse)').matches));
 }

@@ -1,4 +1,5 @@
 /** Light and dark: as the system has it, or as somebody chose. */
+import { keep } from './keep.js';
 
 const KEPT_AS = 'jaka-panel-theme';
 const ORDER = ['auto', 'light', 'dark'];
@@ -12,7 +13,7 @@ const ORDER = ['auto', 'light', 'dark'];
 export function chooseTheme(theme, storage) {
   if (theme === 'auto') document.documentElement.removeAttribute('data-theme');
   else document.documentElement.setAttribute('data-theme', theme);
-  storage?.setItem(KEPT_AS, theme);
+  keep(storage, KEPT_AS, theme);
   window.dispatchEvent(new Event('themechange'));
 }
 
