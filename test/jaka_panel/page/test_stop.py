@@ -4,6 +4,7 @@ import json
 import time
 
 import pytest
+from aiohttp import web
 from fake_panel import ARM, FakePanel, arm_info
 from waiting import eventually
 
@@ -11,9 +12,22 @@ MANY_ARMS = "this arm: confirmed at rest"
 
 
 class HeldPanel(FakePanel):
-    """A panel whose messages wait on their way while ``held`` is a list."""
+    """A panel whose messages wait on their way while ``held`` is a list.
+
+    Attributes:
+        withheld: A file whose name ends so is not served before it is empty.
+        broken: A file whose name ends so is not there.
+    """
 
     held = None
+    withheld = broken = ""
+
+    async def _file(self, request):
+        while self.withheld and request.path.endswith(self.withheld):
+            await asyncio.sleep(0.01)
+        if self.broken and request.path.endswith(self.broken):
+            raise web.HTTPNotFound
+        return await super()._file(request)
 
     async def _send(self, socket, message):
         message = dict({"now": time.monotonic()}, **message)
@@ -103,4 +117,30 @@ def test_where_the_browser_can_keep_nothing_the_page_works_and_stops(browser, pa
     page.click("#stop")
     page.until_text("#stop-said", "confirmed at rest")
     assert panel.stops and not page.complaints
+    page.close()
+
+
+def test_stop_stops_before_the_rest_of_the_page_is_there(browser, panel):
+    panel.withheld = "STLLoader.js"
+    page = browser.open()
+    page.go_without_waiting(panel.url)
+    page.until("document.querySelector('#stop') !== null")
+    for count, press in enumerate((lambda: page.click("#stop"), lambda: page.key(" ")), 1):
+        press()
+        assert eventually(lambda count=count: panel.stops == ["http"] * count)
+        page.until_text("#stop-said", "NOT CONFIRMED: use the emergency stop button", timeout=5.0)
+    panel.withheld = ""
+    page.until_text("#stop-said", "confirmed at rest")
+    page.click("#stop")
+    assert eventually(lambda: panel.stops == ["http", "http", "socket"]), "one stop for one press, by the socket now"
+    assert not page.complaints
+    page.close()
+
+
+def test_stop_stops_where_a_file_of_the_page_is_missing(browser, panel):
+    panel.broken = "/uPlot.esm.js"
+    page = browser.open(panel.url, language="zh-CN")
+    page.click("#stop")
+    assert eventually(lambda: panel.stops == ["http"])
+    page.until_text("#stop-said", "停止未确认：请按急停按钮", timeout=5.0)
     page.close()

@@ -53,3 +53,9 @@ test('the language is the one that was chosen, else the browser’s, else Englis
   assert.equal(translate('no.such.key'), 'no.such.key');
   chooseLanguage('en');
 });
+
+test('what STOP says before the page is there is what the page says', async () => {
+  Object.assign(globalThis, { window: { addEventListener() {} }, document: { getElementById: () => null }, location: { hash: '' } });
+  const { UNCONFIRMED } = await import('../../../../tools/jaka_panel/web/js/control/first_stop.js');
+  assert.deepEqual(UNCONFIRMED, { en: en['stop.unconfirmed'], zh: zh['stop.unconfirmed'] });
+});

@@ -5,6 +5,7 @@
  */
 import { byId, setAttribute, setText } from '../ui/dom.js';
 import { toast } from '../ui/toast.js';
+import { postStop, takeOver } from './first_stop.js';
 
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').Answer} Answer */
@@ -12,19 +13,6 @@ import { toast } from '../ui/toast.js';
 const ANSWER_S = 0.3;
 const CONFIRM_S = 1;
 const GIVE_UP_S = 5;
-
-/**
- * Whether the space bar belongs to the element: fields for words. Numbers have no spaces.
- *
- * @param {EventTarget|null} target
- * @returns {boolean}
- */
-export function takesSpaces(target) {
-  if (!(target instanceof HTMLElement)) return false;
-  if (target.isContentEditable || target.tagName === 'TEXTAREA') return true;
-  return target instanceof HTMLInputElement && ['text', 'search', 'url', 'email', 'password'].includes(target.type)
-    && target.inputMode !== 'decimal' && target.inputMode !== 'numeric';
-}
 
 /** @param {App} app */
 export function mountStop(app) {
@@ -37,27 +25,11 @@ export function mountStop(app) {
   /** "Confirmed at rest" is what is said now. */
   let isRestSaid = false;
 
-  /** @returns {Promise<Answer>} */
-  async function post() {
-    const limit = new AbortController();
-    const timer = setTimeout(() => limit.abort(), GIVE_UP_S * 1000);
-    try {
-      const response = await fetch('/api/stop', { method: 'POST', signal: limit.signal,
-        headers: { Authorization: `Bearer ${app.connection.token ?? ''}` } });
-      const text = await response.text();
-      return response.ok ? JSON.parse(text) : { ok: false, message: text };
-    } catch {
-      return { ok: false, message: 'stop.unreachable' };
-    } finally {
-      clearTimeout(timer);
-    }
-  }
-
   /** @returns {Promise<Answer>} Of the first way that succeeds, else why none did; within GIVE_UP_S and a little. */
   function served() {
     const bySocket = app.connection.request({ t: 'stop', arm: null }, GIVE_UP_S);
     const late = new Promise((resolve) => setTimeout(resolve, ANSWER_S * 1000));
-    const byHttp = Promise.race([bySocket, late]).then((answer) => (answer?.ok ? answer : post()));
+    const byHttp = Promise.race([bySocket, late]).then((answer) => (answer?.ok ? answer : postStop(app.connection.token)));
     return new Promise((resolve) => {
       for (const way of [bySocket, byHttp]) {
         void way.then((answer) => {
@@ -138,23 +110,12 @@ export function mountStop(app) {
     if (app.connection.state !== 'open') takeBack();
   });
 
-  button.addEventListener('pointerdown', (event) => {
-    if (event.button === 0) void stop();
-  });
-  button.addEventListener('click', (event) => {
-    if (event.detail === 0) void stop();  // by keyboard or screen reader; a pointer has stopped at its pressing
-  });
-  window.addEventListener('keydown', (event) => {
-    const isTyping = takesSpaces(event.target);
-    if (!(isTyping ? event.key === 'Escape' : event.code === 'Space')) return;
-    event.preventDefault();
-    event.stopPropagation();
-    if (!event.repeat) void stop();
-  }, { capture: true });
-  window.addEventListener('keyup', (event) => {  // browsers click a button when the space bar goes up
-    if (event.code === 'Space' && !takesSpaces(event.target)) {
-      event.preventDefault();
-      event.stopPropagation();
-    }
-  }, { capture: true });
+  const first = takeOver(() => void stop());
+  if (first) {  // pressed before the page was there: the arm's states say how it ended
+    presses = 1;
+    say('stop.unconfirmed', true);
+    void first.then((answer) => {
+      if (presses === 1 && answer.ok) servedAt = answer.now ?? Infinity;
+    });
+  }
 }
