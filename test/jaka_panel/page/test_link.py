@@ -60,6 +60,22 @@ def test_over_a_slow_link_it_watches_and_stops_and_refuses_to_jog(browser, panel
         page.close()
 
 
+def test_what_a_queue_on_the_link_holds_back_is_not_shown_as_new(browser, panel, loop):
+    with SlowLink(loop, panel.port) as link:
+        page = browser.open("http://127.0.0.1:%d/#token=%s" % (link.port, TOKEN))
+        page.until_text("#age", "live")
+        time.sleep(1.0)  # some round trips are quick, and count for 4 s
+        page.until_text("#age", "live")
+        for _ in range(40):
+            link.delay += 0.02
+            time.sleep(0.03)
+        page.until("document.body.classList.contains('stale')", "0.8 s old, and known to be at once", timeout=1.5)
+        link.delay = 0.0
+        page.until("!document.body.classList.contains('stale')")
+        assert not page.complaints
+        page.close()
+
+
 def test_a_stop_is_confirmed_by_the_arm_alone(panel, open_page):
     page = open_page()
     panel.state["dq"] = [0.0, 0.2, 0.0, 0.0, 0.0, 0.0]

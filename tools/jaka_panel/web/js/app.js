@@ -94,7 +94,7 @@ export class App {
 
   /** @param {any} message */
   take(message) {
-    if (message.t === 'pong') this.store.way = this.connection.roundTrip() / 2;
+    if (message.t === 'pong') this.store.takeWay(this.connection.roundTrip() / 2);
     this.store.take(message);
     if (message.t === 'state' && message.arm === this.store.chosen) this.paintSoon();
     if (message.t === 'welcome') this.watch();

@@ -1,4 +1,5 @@
 /** What the page knows, by arm; parts of the page listen for the kinds that they show. */
+import { Lateness } from './lateness.js';
 
 /** @typedef {import('./messages.js').ArmInfo} ArmInfo */
 /** @typedef {import('./messages.js').ArmState} ArmState */
@@ -15,6 +16,7 @@ const REST_RAD_S = 0.001;
  * @typedef {object} ArmRecord
  * @property {ArmState|null} state
  * @property {number} stateAt When it came, ms of performance.now().
+ * @property {number} late By how much it was on its way for longer than the quickest one, s.
  * @property {any} io
  * @property {any[]} diagnostics
  * @property {import('./messages.js').Alarm[]} alarms
@@ -26,7 +28,7 @@ const REST_RAD_S = 0.001;
 
 /** @returns {ArmRecord} */
 function emptyRecord() {
-  return { state: null, stateAt: 0, io: null, diagnostics: [], alarms: [], calls: [], moves: [], byHand: [], program: null };
+  return { state: null, stateAt: 0, late: 0, io: null, diagnostics: [], alarms: [], calls: [], moves: [], byHand: [], program: null };
 }
 
 export class Store {
@@ -45,8 +47,7 @@ export class Store {
     this.jogFraction = 0.1;
     /** Server's clock in the newest state that the page has drawn, s; null: none yet. @type {number|null} */
     this.drawn = null;
-    /** The way of a message from the server to here, s: half of the quickest round trip. */
-    this.way = 0;
+    this.lateness = new Lateness();
     /** @type {Map<string, Set<(message: any) => void>>} */
     this.listeners = new Map();
   }
@@ -100,9 +101,22 @@ export class Store {
    * @returns {number} Infinity: none has come.
    */
   age(id) {
-    const { state, stateAt } = this.record(id);
+    const { state, stateAt, late } = this.record(id);
     if (!state || state.age === null || state.age === undefined) return Infinity;
-    return state.age + this.way + (performance.now() - stateAt) / 1000;
+    return state.age + this.lateness.way + this.lateness.beyond(late) + (performance.now() - stateAt) / 1000;
+  }
+
+  /** @param {number} way Of a message from the server to here, s: half of the quickest of the newest round trips. */
+  takeWay(way) {
+    this.lateness.takeWay(way);
+  }
+
+  /**
+   * @param {string} [id]
+   * @returns {number} The age without what the round trips of the link explain, s.
+   */
+  ageButWay(id) {
+    return this.age(id) - this.lateness.way;
   }
 
   /**
@@ -129,7 +143,7 @@ export class Store {
    * @returns {boolean} Whether states come as they should, and only the way of the link makes them old.
    */
   isSlow(id) {
-    return this.record(id).state?.fresh === true && !this.isFresh(id) && this.age(id) - this.way <= STALE_S;
+    return this.record(id).state?.fresh === true && !this.isFresh(id) && this.ageButWay(id) <= STALE_S;
   }
 
   /**
@@ -156,7 +170,7 @@ export class Store {
    * @returns {boolean} Whether the newest state, which comes as it should, shows that the arm rests.
    */
   rests(id) {
-    return this.showsRest(id) && this.age(id) - this.way <= STALE_S;
+    return this.showsRest(id) && this.ageButWay(id) <= STALE_S;
   }
 
   /** @param {string} id */
@@ -174,6 +188,7 @@ export class Store {
       case 'welcome':
         this.welcome = message;
         this.records.clear();
+        this.lateness.clear();
         this.drawn = null;
         this.jogFraction = message.jog?.fraction ?? 0.1;
         this.control = message.control ?? this.control;
@@ -186,6 +201,7 @@ export class Store {
         if (record && !(record.state && record.state.n >= message.n)) {
           record.state = message;
           record.stateAt = performance.now();
+          record.late = this.lateness.take(message.now);
         }
         break;
       case 'io': if (record) record.io = message; break;
