@@ -3,6 +3,7 @@ import json
 import time
 
 import pytest
+from fake_panel import ARM
 
 JOG = ".jog-button[data-axis='0'][data-sign='1']"
 READY = "document.querySelector('#panel-move .go').dataset.ready === 'true'"
@@ -146,6 +147,36 @@ def test_every_way_of_letting_go_ends_the_jog_for_good(panel, open_page):
                   "the end is told: " + how)
         assert rested(panel), "the button is still down, and nothing goes on: " + how
         page.mouse("Released", x, y)
+
+
+def test_enter_that_is_held_presses_a_button_once(panel, open_page):
+    panel.cell = {"payloads": {ARM: {"heavy": {"mass": 5.0, "centre": [0.0, 0.0, 0.0], "tool": 2}}}}
+    page = open_page(control=True)
+
+    def hold_enter(button):
+        page.evaluate("document.querySelector(%s).focus()" % json.dumps(button))
+        page.key("Enter", "down")
+        for _ in range(6):
+            time.sleep(0.1)  # while it is answered
+            page.key("Enter", "down", autoRepeat=True)
+        page.key("Enter", "up")
+
+    hold_enter("#arm-bar button")
+    until(lambda: panel.sent("power"), "it is pressed")
+    page.click("#tab-io")
+    hold_enter("#panel-io [role=switch]")
+    until(lambda: panel.sent("set_output"), "it is pressed")
+    page.click("#tab-cell")
+    page.until("document.querySelector('#panel-cell .needs-control') !== null")
+    hold_enter("#panel-cell .needs-control")
+    page.until_text("#panel-cell .needs-control", "press again")
+    assert rested(panel) and [len(panel.sent(one)) for one in ("power", "set_output", "payload")] == [1, 1, 0]
+    page.key("Enter")
+    until(lambda: panel.sent("payload"), "a press of its own does it")
+    stops = len(panel.stops)
+    page.evaluate("document.querySelector('#stop').focus()")
+    page.key("Enter", "down", autoRepeat=True)
+    until(lambda: len(panel.stops) > stops, "STOP takes every Enter")
 
 
 def test_without_control_nothing_is_sent_and_the_page_says_how_to_get_it(panel, open_page):

@@ -82,7 +82,8 @@ export function mountControl(app) {
 }
 
 /**
- * Keeps what may not be pressed now from acting, and says why.
+ * Keeps what may not be pressed now from acting, and says why; and Enter that is held from pressing a button more than
+ * once: browsers click it with each repetition, which would give a command again, and answer what it asks.
  *
  * @param {App} app
  */
@@ -97,6 +98,10 @@ export function guardControls(app) {
     app.mayDo(button);
   };
   for (const kind of ['click', 'change', 'input', 'submit']) window.addEventListener(kind, guard, { capture: true });
+  window.addEventListener('keydown', (event) => {
+    if (event.key !== 'Enter' || !event.repeat || !(event.target instanceof Element)) return;
+    if (event.target.closest('button:not(#stop)')) event.preventDefault();
+  }, { capture: true });
 }
 
 /**
