@@ -18,6 +18,7 @@ from jaka_panel.graph.motion_lists import StopWatch
 from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, output_of, text, whole
 from jaka_panel.pages.files import page_file
 from jaka_panel.pages.hub import behind_a_sample
+from jaka_panel.plans.plan_store import PlanStore
 from jaka_panel.plans.point_plan import WrongPlan, plan_of_points
 from jaka_ros_driver.ros.other_messages import message_type
 
@@ -130,6 +131,15 @@ def test_a_plan_goes_through_its_points():
     assert all(min(0.0, end) - 1e-6 <= value <= max(0.0, end) + 1e-6 for value, end in zip(half, SIX))
     later = plan_of_points([{"t": 3.0, "q": SIX}], None)
     assert not later.begins_here and later.shown("k2")["path"] == [SIX]
+
+
+def test_a_plan_of_a_panel_that_was_started_again_is_not_taken_for_one_of_before():
+    plan, before, after = plan_of_points([{"t": 1.0, "q": SIX}], None), PlanStore(), PlanStore()
+    names = [store.put("/arm", plan) for store in (before, before, after, after)]
+    assert len(set(names)) == 4 and before.get("/arm", names[1]) is plan
+    for arm, name in (("/arm", names[1]), ("/other", names[2]), ("/arm", None)):
+        with pytest.raises(WrongPlan, match="no such plan"):
+            after.get(arm, name)
 
 
 @pytest.mark.parametrize("points", [

@@ -145,15 +145,17 @@ class FakePanel:
         self._counter += 1
         page = "p%d" % self._counter
         self._pages[page] = socket
-        stream = None
+        stream, watched = None, None
         async for message in socket:
             if message.type != WSMsgType.TEXT:
                 break
             said = message.json()
             if said["t"] != "ping":
                 self.received.append(dict(said, page=page))
-            if said["t"] == "watch" and stream is None:
-                stream = asyncio.ensure_future(self._stream(socket, said))
+            if said["t"] == "watch" and said["arms"] != watched:
+                if stream is not None:
+                    stream.cancel()
+                stream, watched = asyncio.ensure_future(self._stream(socket, said)), said["arms"]
             await self._answer(page, socket, said)
         if stream is not None:
             stream.cancel()

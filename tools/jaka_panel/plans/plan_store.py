@@ -1,6 +1,7 @@
 """The plans that pages may run, and the folder of logs."""
 import json
 import os
+import secrets
 import subprocess
 import sys
 from collections import OrderedDict
@@ -19,16 +20,17 @@ AnyPlan = Union[Plan, ListPlan]
 
 
 class PlanStore:
-    """The newest plans by name, each for one arm."""
+    """The newest plans by name, each for one arm; no panel that is started later gives such a name again."""
 
     def __init__(self) -> None:
+        self._begin = secrets.token_hex(4)
         self._plans: OrderedDict[str, Tuple[str, AnyPlan]] = OrderedDict()
         self._count = 0
 
     def put(self, arm: str, plan: AnyPlan) -> str:
         """Keep a plan; its name."""
         self._count += 1
-        name = "k%d" % self._count
+        name = "%s-%d" % (self._begin, self._count)
         self._plans[name] = (arm, plan)
         while len(self._plans) > _KEPT:
             self._plans.popitem(last=False)

@@ -7,7 +7,6 @@ import { toast } from '../ui/toast.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
-/** @typedef {import('../link/messages.js').Plan} Plan */
 /** @typedef {Record<string, any>} Step */
 
 const KINDS = ['joint', 'line', 'arc', 'wait', 'output'];
@@ -53,10 +52,10 @@ export function moved(steps, from, by) {
 
 /**
  * @param {App} app
- * @param {(plan: Plan|null) => void} take
+ * @param {import('../do/run.js').Runner} runner
  * @returns {HTMLElement}
  */
-export function makeListRun(app, take) {
+export function makeListRun(app, runner) {
   const { store, cell, points } = app;
   /** @type {Step[]} */
   let steps = [];
@@ -118,7 +117,7 @@ export function makeListRun(app, take) {
   /** @param {Step[]} next */
   function change(next) {
     steps = next;
-    take(null);
+    runner.drop();
     draw();
   }
 
@@ -176,8 +175,7 @@ export function makeListRun(app, take) {
       toast('list.no_steps', 'bad');
       return;
     }
-    const answer = await app.command('plan_list', { steps }, { quiet: true });
-    take(answer.ok ? answer.data : null);
+    await runner.plan('plan_list', { steps });
   }, { 'data-needs': 'plan' });
 
   const card = h('section', { class: 'card', id: 'list-run' }, h('h3', { t: 'list.title' }), h('p', { class: 'hint', t: 'list.hint' }),

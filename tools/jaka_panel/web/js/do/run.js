@@ -19,17 +19,27 @@ const TO_START = 20 / DEGREES;
  */
 export function mountRun(root, app) {
   const runner = makeRunner(app);
-  root.append(makePointRun(app, runner.take), makeListRun(app, runner.take), makeLogRun(app, runner.take), runner.element, makePrograms(app));
+  root.append(makePointRun(app, runner.plan), makeListRun(app, runner), makeLogRun(app, runner.plan), runner.element, makePrograms(app));
 }
 
 /**
- * What was planned: its way is drawn, and it is run by its number, so that what was drawn is what is run.
+ * @typedef {object} Runner
+ * @property {(cmd: string, args: Record<string, any>) => Promise<void>} plan Has the arm that is shown plan something, and takes it.
+ * @property {() => void} drop Takes the plan away.
+ * @property {HTMLElement} element
+ */
+
+/**
+ * What was planned: its way is drawn, and it is run by its name, so that what was drawn is what is run. It goes with the arm
+ * for which it was made and with the server's greeting, and an answer that comes after that is of something else.
  *
  * @param {App} app
+ * @returns {Runner}
  */
 function makeRunner(app) {
   /** @type {Plan|null} */
   let plan = null;
+  let asked = 0;
   const said = h('p', { class: 'said', role: 'status', t: 'run.none' });
   const warnings = h('ul', { class: 'warnings' });
   const toStart = actionButton('run.to_start', async () => {
@@ -37,23 +47,26 @@ function makeRunner(app) {
       toast('run.none', 'bad');
       return;
     }
-    app.preview.ghost(plan.start);
-    await app.command('joint_move', { q: plan.start, speed: TO_START });
-    app.preview.ghost(null);
+    const sent = plan;
+    app.preview.ghost(sent.start);
+    await app.command('joint_move', { q: sent.start, speed: TO_START });
+    if (plan === sent) app.preview.ghost(null);
   }, { 'data-needs': 'move' });
   const run = actionButton('run.run', async () => {
     if (!plan) {
       toast('run.none', 'bad');
       return;
     }
+    const sent = plan;
     setText(said, 'run.under_way');
-    const answer = await app.command('plan_run', { plan: plan.plan });
-    setText(said, answer.ok ? 'run.done' : 'run.ended', { why: sentenceOf(answer.message) });
+    const answer = await app.command('plan_run', { plan: sent.plan });
+    if (plan === sent) setText(said, answer.ok ? 'run.done' : 'run.ended', { why: sentenceOf(answer.message) });
   }, { class: 'needs-control go', 'data-needs': 'run', 'data-leads': '' });
   const drop = h('button', { type: 'button', t: 'move.drop', on: { click: () => take(null) } });
 
   /** @param {Plan|null} next */
   function take(next) {
+    asked += 1;
     plan = next;
     app.preview.path(plan ? plan.path : null);
     app.preview.ghost(plan ? plan.end : null);
@@ -65,15 +78,23 @@ function makeRunner(app) {
   }
 
   app.store.on('chosen', () => take(null));
-  return { take, element: h('section', { class: 'card' }, h('h3', { t: 'run.plan' }), said, warnings,
+  app.store.on('welcome', () => {  // the server may be another one, which knows nothing of it
+    asked += 1;
+    if (plan) take(null);
+  });
+  return { drop: () => take(null), async plan(cmd, args) {
+    const number = ++asked;
+    const answer = await app.command(cmd, args, { quiet: true });
+    if (number === asked) take(answer.ok ? answer.data : null);
+  }, element: h('section', { class: 'card' }, h('h3', { t: 'run.plan' }), said, warnings,
     h('div', { class: 'buttons' }, toStart, run, drop)) };
 }
 
 /**
  * @param {App} app
- * @param {(plan: Plan|null) => void} take
+ * @param {Runner['plan']} plan
  */
-function makePointRun(app, take) {
+function makePointRun(app, plan) {
   const { store, points } = app;
   const speed = numberField({ label: 'move.speed', unit: '°/s', scale: DEGREES, value: 20, low: 1, high: 90, decimals: 0 });
   /** Names, in the order in which they are passed. @type {string[]} */
@@ -108,8 +129,7 @@ function makePointRun(app, take) {
     }
     const all = points.list(store.chosen);
     const joints = way.map((name) => /** @type {number[]} */ (all.find((point) => point.name === name)?.q));
-    const answer = await app.command('plan_points', { points: timedPoints([from, ...joints], value) }, { quiet: true });
-    take(answer.ok ? answer.data : null);
+    await plan('plan_points', { points: timedPoints([from, ...joints], value) });
   }, { 'data-needs': 'plan' });
   const clear = h('button', { type: 'button', t: 'run.clear', on: { click: () => {
     way = [];
@@ -123,9 +143,9 @@ function makePointRun(app, take) {
 
 /**
  * @param {App} app
- * @param {(plan: Plan|null) => void} take
+ * @param {Runner['plan']} plan
  */
-function makeLogRun(app, take) {
+function makeLogRun(app, plan) {
   const { store } = app;
   const select = /** @type {HTMLSelectElement} */ (h('select', { id: 'log-file' }));
   const speed = numberField({ label: 'run.log_speed', unit: '%', scale: 100, value: 50, low: 5, high: 100, decimals: 0 });
@@ -138,8 +158,7 @@ function makeLogRun(app, take) {
       toast('run.no_logs', 'bad');
       return;
     }
-    const answer = await app.command('plan_log', { file: select.value, speed: value }, { quiet: true });
-    take(answer.ok ? answer.data : null);
+    await plan('plan_log', { file: select.value, speed: value });
   }, { 'data-needs': 'plan' });
 
   async function fill() {
