@@ -12,7 +12,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 
 from jaka_msgs.msg import RobotMsg
 from jaka_msgs.srv import SetIORequest
-from jaka_panel.graph import raw_messages, rotations
+from jaka_panel.graph import raw_messages, requests, rotations
 from jaka_panel.graph.description import Description
 from jaka_panel.graph.motion_lists import StopWatch
 from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, output_of, text, whole
@@ -131,6 +131,28 @@ def test_a_plan_goes_through_its_points():
     assert all(min(0.0, end) - 1e-6 <= value <= max(0.0, end) + 1e-6 for value, end in zip(half, SIX))
     later = plan_of_points([{"t": 3.0, "q": SIX}], None)
     assert not later.begins_here and later.shown("k2")["path"] == [SIX]
+
+
+def test_a_line_is_sent_only_where_its_joints_still_are_its_target(monkeypatch):
+    target, sent = {"p": [0.4, 0.1, 0.2], "r": [0.0, 0.0, 0.5], "speed": 0.1}, []
+    shown = [400.0, 100.0, 200.0, 0.0, 0.0, 0.5]
+
+    def call(driver, name, kind, **fields):
+        if name == "get_fk":
+            return SimpleNamespace(cartesian_pose=list(shown), message="fk")
+        sent.append((name, fields["pose"]))
+        return SimpleNamespace(success=True, message="")
+    monkeypatch.setattr(requests, "_call", call)
+    driver, line = SimpleNamespace(interface="documented"), requests.REQUESTS["linear_move"].perform
+    assert line(driver, target).ok and line(driver, dict(target, q=SIX)).ok and len(sent) == 2
+    for axis, by in ((0, 1.0), (5, 0.02)):  # the user frame is another one, or has other values; so for the tool
+        shown[axis] += by
+        with pytest.raises(WrongRequest, match="tool or user frame"):
+            line(driver, dict(target, q=SIX))
+        shown[axis] -= by
+    shown[:] = [9999.0] * 6
+    assert not line(driver, dict(target, q=SIX)).ok and line(driver, target).ok
+    assert [name for name, _ in sent] == ["linear_move"] * 3
 
 
 def test_a_plan_of_a_panel_that_was_started_again_is_not_taken_for_one_of_before():

@@ -1,4 +1,4 @@
-"""What a button does is what was shown when it was offered: for that arm, in that frame, with those values."""
+"""Buttons do what was shown when they were offered: for that arm, in that frame, with those values."""
 import json
 import time
 
@@ -19,8 +19,9 @@ def until(holds, what):
 
 
 def choose(page, selector, value):
-    page.evaluate("(() => { const one = document.querySelector(%s); one.value = %s; one.dispatchEvent(new Event('change', "
-                  "{bubbles: true})); })()" % (json.dumps(selector), json.dumps(value)))
+    page.evaluate("(() => { const one = document.querySelector(%s); one.value = %s; "
+                  "one.dispatchEvent(new Event('change', {bubbles: true})); })()" % (
+                      json.dumps(selector), json.dumps(value)))
 
 
 def switch_to(page, arm):
@@ -34,13 +35,9 @@ def nothing_is_sent(panel, kind):
     return not panel.sent(kind)
 
 
-def button(text, card="#panel-run"):
-    """Return an expression for the button of this text."""
-    return "[...document.querySelectorAll('%s button')].find((one) => one.textContent === %s)" % (card, json.dumps(text))
-
-
 def press(page, text, card="#panel-run"):
-    page.evaluate(button(text, card) + ".click()")
+    page.evaluate("[...document.querySelectorAll('%s button')].find((one) => one.textContent === %s).click()" % (
+        card, json.dumps(text)))
 
 
 def plan_a_log(panel, page):
@@ -99,3 +96,42 @@ def test_a_plan_of_before_a_new_connection_is_offered_no_more(panel, open_page):
     press(page, "Run it")
     page.until_text("#toasts", "Nothing is planned")
     assert not panel.sent("plan_run")
+
+
+def show_a_line(page, x):
+    page.click("#tab-move")
+    page.click("#panel-move [data-name=line]")
+    field = "#panel-move .fields:not([hidden]) input"
+    page.until("document.querySelector('%s').value !== ''" % field)
+    page.type(field, x)
+    page.until("document.querySelector('#panel-move .go').dataset.ready === 'true'")
+
+
+def test_a_line_that_was_shown_in_another_frame_is_not_gone(panel, open_page):
+    panel.answers["ik"] = lambda arguments: {"data": {"q": START}}
+    page = open_page(control=True)
+
+    def call(name):
+        panel.say(t="call", call={"n": 1, "wall": time.time(), "service": ARM + "/" + name, "name": name, "type": "",
+                                  "caller": "/other", "request": "", "answer": "", "took": 0.1, "ok": True,
+                                  "error": ""})
+    changes = {"number of the user frame": lambda: panel.state.update(user_id=3),
+               "number of the tool": lambda: panel.state.update(tool_id=2),
+               "name of the frame": lambda: panel.state["tool"].update(frame="user_frame_3"),
+               "the user frame's values": lambda: call("set_userframe"),
+               "the tool's values": lambda: call("set_toolframe")}
+    for number, (what, change) in enumerate(changes.items()):
+        show_a_line(page, str(400 + number))
+        change()
+        page.until("document.querySelector('#panel-move .go').dataset.ready === 'false'", what)
+        page.until_text("#panel-move .said", "Tool or user frame have changed")
+        page.click("#panel-move .go")
+        page.until_text("#toasts", "no target yet")
+        assert not panel.sent("linear_move"), what
+        page.evaluate("document.querySelector('#toasts').replaceChildren()")
+    show_a_line(page, "410")
+    call("set_payload")
+    panel.state.update(tool_id=None, user_id=None)  # they are not told any more: nothing says that they are others
+    page.click("#panel-move .go")
+    until(lambda: panel.sent("linear_move"), "the line is asked for")
+    assert panel.sent("linear_move")[0]["args"]["q"] == START, "the panel checks it against the controller, too"

@@ -278,6 +278,9 @@ def test_moves_and_their_preview(page, live, arm):
     up = [pose["p"][0], pose["p"][1], pose["p"][2] + 0.02]
     assert eventually(lambda: page.command("linear_move", arm, p=up, r=pose["r"], speed=0.1)["ok"])
     assert live.simulator.state()["tcp_pose"][2] == pytest.approx(1000.0 * up[2], abs=0.5)
+    back = {"p": pose["p"], "r": pose["r"], "q": near}  # what the page shows is what the controller makes of it now
+    assert "tool or user frame" in page.command("linear_move", arm, **dict(back, p=up), speed=0.1)["message"]
+    assert page.command("linear_move", arm, **back, speed=0.1)["ok"] and there(live, STAGE)
     refused = page.command("joint_move", arm, q=[99.0] + HOME[1:], speed=1.0)
     assert not refused["ok"] and "valid" in refused["message"]
     for wrong in ({"q": [0.0], "speed": 1.0}, {"q": HOME, "speed": "x"}, {"q": HOME}, {"q": [None] * 6, "speed": 1.0}):

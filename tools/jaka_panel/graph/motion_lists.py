@@ -3,7 +3,6 @@ import threading
 import time
 from typing import Any, Callable, Mapping, Optional, Sequence
 
-import numpy as np
 from roslib import message as roslib_message
 
 from jaka_bag.errors import JakaBagError
@@ -11,10 +10,10 @@ from jaka_regression.trajectory_client import GoalClient
 
 from ..plans.motion_list import JOINT, Joints, ListMotion, ListPart, ListPlan, plan_list
 from ..plans.point_plan import WrongPlan
-from ..teach.rotations import FramePose, compose, invert
+from ..teach.rotations import FramePose
 from .arm_feed import STALE_S, ArmFeed
 from .arms import Driver
-from .requests import REQUESTS, CallResult
+from .requests import REQUESTS, CallResult, is_same
 from .trajectories import START_TOLERANCE_RAD
 
 PLAN_S = 60.0
@@ -22,7 +21,6 @@ ACTION, ACTION_TYPE = "move_path", "jaka_msgs/MovePathAction"
 _CONNECT_S = 5.0
 _SETTLE_S = 2.0
 _LOOK_S = 0.05
-_SAME_M, _SAME_RAD = 0.0005, 0.005
 
 
 def is_offered(driver: Driver) -> bool:
@@ -159,8 +157,7 @@ class ListRun:
         answer = REQUESTS["fk"].perform(driver, {"q": list(part.begin)})
         if not answer.ok or answer.data is None:
             return answer.message or "the driver does not tell the pose"
-        away = compose(invert(part.pose), FramePose(answer.data["p"], answer.data["r"]))
-        if np.linalg.norm(away.position) > _SAME_M or np.linalg.norm(away.rotation_vector) > _SAME_RAD:
+        if not is_same(part.pose, FramePose(answer.data["p"], answer.data["r"])):
             return "tool or user frame are others than when the list was planned: plan it anew"
         goal = client.new_goal()
         goal.segments = [_message(segment) for segment in part.segments]

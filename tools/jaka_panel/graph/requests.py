@@ -8,12 +8,14 @@ import math
 import threading
 from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
 
+import numpy as np
 import rospy
 import yaml
 from roslib import message as roslib_message
 from rospy.exceptions import ROSInternalException
 
 from ..record.hand_outputs import Key
+from ..teach.rotations import FramePose, compose, invert
 from .arms import Driver
 from .rotations import rpy_from_vector, vector_from_rpy
 
@@ -25,6 +27,7 @@ _LONGEST_NAME = 100
 _READ_BACK = 1e-3
 _DEFAULT_JOINT_ACCELERATION = 2.0
 _DEFAULT_ACCELERATION = 0.5
+_SAME_M, _SAME_RAD = 0.0005, 0.005
 
 
 class WrongRequest(ValueError):
@@ -238,8 +241,20 @@ def _joint_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
                        mvvelo=number(args, "speed"), mvacc=number(args, "acc", _DEFAULT_JOINT_ACCELERATION)))
 
 
+def is_same(a: FramePose, b: FramePose) -> bool:
+    """Return whether two poses are one, as near as a controller's kinematics tell the same one twice."""
+    away = compose(invert(a), b)
+    return bool(np.linalg.norm(away.position) <= _SAME_M and np.linalg.norm(away.rotation_vector) <= _SAME_RAD)
+
+
 def _linear_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     pose = _pose(args)
+    if "q" in args:  # what was shown is where the arm would go, in the frames that are active now
+        shown = _fk(driver, args)
+        if not shown.ok or shown.data is None:
+            return shown
+        if not is_same(FramePose(shown.data["p"], shown.data["r"]), FramePose(args["p"], args["r"])):
+            raise WrongRequest("tool or user frame are others than when the target was shown: look at it again")
     if driver.interface == "vendor":  # of 2024: ends at the inverse of the vector's rotation
         pose[3:] = [-value for value in pose[3:]]
     elif driver.interface == "vendor_2025":

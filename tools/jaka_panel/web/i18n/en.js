@@ -342,6 +342,7 @@ export const en = {
   'move.from_arm': 'Use current position',
   'move.speed': 'Speed',
   'move.frame': 'Pose of the active tool in the active user frame; angles are roll, pitch, yaw about fixed axes.',
+  'move.frame_changed': 'Tool or user frame have changed, and with them where the target is: type it again.',
   'move.go': 'GO',
   'move.drop': 'Discard',
   'move.idle': 'Type a target or take a stored point: a green ghost shows it first.',

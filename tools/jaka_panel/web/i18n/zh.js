@@ -342,6 +342,7 @@ export const zh = {
   'move.from_arm': '取当前位置',
   'move.speed': '速度',
   'move.frame': '当前工具在当前用户坐标系中的位姿；角度为绕固定轴的横滚、俯仰、偏航。',
+  'move.frame_changed': '工具或用户坐标系已改变，目标位置也随之改变：请重新输入。',
   'move.go': '执行',
   'move.drop': '放弃',
   'move.idle': '输入目标或选择点位：先以绿色虚影显示。',

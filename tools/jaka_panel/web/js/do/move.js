@@ -1,6 +1,6 @@
 /**
  * Moves to a typed or stored target. A ghost arm shows the target first, and GO goes exactly there: it can be pressed
- * only while the ghost stands for what is typed.
+ * only while the ghost stands for what is typed, and for a line while tool and user frame are those in which it was shown.
  */
 import { h, setAttribute, setText } from '../ui/dom.js';
 import { DEGREES, rotationVectorFromRpy, rpyFromRotationVector } from '../ui/format.js';
@@ -13,6 +13,18 @@ import { poseFields } from './setup.js';
 /** @typedef {import('../app.js').App} App */
 
 const PREVIEW_MS = 250;
+/** Calls that replace a frame, which may be the active one; its number stays. */
+const FRAME_CALLS = ['set_toolframe', 'set_userframe'];
+
+/** @typedef {import('../link/messages.js').ArmState} ArmState */
+
+/**
+ * @param {ArmState|null} state
+ * @returns {unknown[]} What names the active tool and user frame; null: not told.
+ */
+function framesOf(state) {
+  return [state?.tool_id ?? null, state?.user_id ?? null, state?.tool?.frame ?? null];
+}
 
 /**
  * @typedef {object} Target
@@ -20,6 +32,7 @@ const PREVIEW_MS = 250;
  * @property {number[]} q rad
  * @property {number[]} [p] m
  * @property {number[]} [r] rad
+ * @property {unknown[]} [frames] Tool and user frame in which a line's end is given.
  */
 
 /**
@@ -56,6 +69,7 @@ export function mountMove(root, app) {
 
   const go = actionButton('move.go', async () => {
     const [value] = readAll([kind.chosen() === 'line' ? lineSpeed : speed]) ?? [];
+    dropOfOtherFrames(store.record().state);
     if (!target || value === undefined) {
       if (!target) toast('move.no_preview', 'bad');
       return;
@@ -63,7 +77,7 @@ export function mountMove(root, app) {
     setText(said, 'move.under_way');
     const sent = target;
     const answer = sent.kind === 'line'
-      ? await app.command('linear_move', { p: sent.p, r: sent.r, speed: value })
+      ? await app.command('linear_move', { p: sent.p, r: sent.r, q: sent.q, speed: value })
       : await app.command('joint_move', { q: sent.q, speed: value });
     if (target !== sent) return;  // the next target was typed meanwhile: it stays
     setText(said, answer.ok ? 'move.arrived' : 'move.ended');
@@ -93,7 +107,9 @@ export function mountMove(root, app) {
       setText(said, 'move.incomplete');
       return;
     }
-    const near = store.record().state?.q;
+    const { state } = store.record();
+    const near = state?.q;
+    const frames = framesOf(state);
     /** @type {Target} */
     let next = { kind: 'joint', q: values };
     if (kind.chosen() === 'line') {
@@ -107,7 +123,7 @@ export function mountMove(root, app) {
         setText(said, 'move.unreachable', { why: answer.message });
         return;
       }
-      next = { kind: 'line', q: answer.data.q, p, r };
+      next = { kind: 'line', q: answer.data.q, p, r, frames };
     }
     const limits = store.arm()?.joints;
     const beyond = limits ? next.q.findIndex((value, n) => value < limits[n].lower || value > limits[n].upper) : -1;
@@ -151,6 +167,17 @@ export function mountMove(root, app) {
     showGo();
   }
 
+  function frameHasChanged() {
+    clear(false);
+    setText(said, 'move.frame_changed');
+  }
+
+  /** @param {ArmState|null} state */
+  function dropOfOtherFrames(state) {
+    const shown = target?.frames;
+    if (shown && framesOf(state).some((now, n) => now !== null && shown[n] !== null && now !== shown[n])) frameHasChanged();
+  }
+
   function fromArm() {
     const state = store.record().state;
     if (state?.q) joints.forEach((field, n) => field.set(/** @type {number[]} */ (state.q)[n]));
@@ -168,7 +195,11 @@ export function mountMove(root, app) {
       typed();
     }));
   let isFilled = false;
+  store.on('call', ({ arm, call }) => {
+    if (arm === store.chosen && FRAME_CALLS.includes(call.name) && isTyped && kind.chosen() === 'line') frameHasChanged();
+  });
   app.onFrame((state) => {
+    dropOfOtherFrames(state);
     if (!isFilled && state?.q && !isTyped) {
       isFilled = true;
       fromArm();
