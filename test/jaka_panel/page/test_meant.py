@@ -135,3 +135,69 @@ def test_a_line_that_was_shown_in_another_frame_is_not_gone(panel, open_page):
     page.click("#panel-move .go")
     until(lambda: panel.sent("linear_move"), "the line is asked for")
     assert panel.sent("linear_move")[0]["args"]["q"] == START, "the panel checks it against the controller, too"
+
+
+def test_a_question_is_asked_again_where_what_it_names_is_another_one(panel, open_page):
+    wait = {"kind": "wait", "s": 1.0}
+    panel.arms = [arm_info(), arm_info(OTHER)]
+    panel.cell = {"lists": {arm: {name: {"steps": [wait]} for name in ("weld", "paint")} for arm in (ARM, OTHER)}}
+    panel.answers["cell_versions"] = lambda arguments: {"data": {"versions": [
+        {"revision": revision, "saved": "", "by": ""} for revision in (2, 1)]}}
+    page = open_page(control=True)
+
+    def changed():
+        return [(one["arm"], one["name"]) for sent in panel.sent("cell_change") for one in sent["args"]["changes"]]
+
+    page.click("#tab-run")
+    page.until("document.querySelector('#list-choice').options.length === 3")
+    remove = "#list-choice ~ button"
+    choose(page, "#list-choice", "weld")
+    page.click(remove)
+    page.until_text(remove, "weld")
+    choose(page, "#list-choice", "paint")
+    page.click(remove)
+    page.until_text(remove, "paint")
+    switch_to(page, OTHER)
+    choose(page, "#list-choice", "paint")
+    page.click(remove)
+    page.until_text(remove, "paint")
+    assert nothing_is_sent(panel, "cell_change"), "each press has asked for another one"
+    page.click(remove)
+    until(lambda: changed() == [(OTHER, "paint")], "it is the one that was asked for")
+
+    page.click("#tab-teach")
+    for point in ("origin", "x_axis", "plane"):
+        page.click("#teach-frame [data-point=%s]" % point)
+        page.until_text("#teach-frame li:has([data-point=%s]) .second" % point, "mm")
+    number, keep = "#teach-frame .field input", "#teach-frame .needs-control"
+    page.click(keep)
+    page.until_text(keep, "1")
+    page.type(number, "7")
+    page.click(keep)
+    page.until_text(keep, "7")
+    assert nothing_is_sent(panel, "user_frame")
+    page.click(keep)
+    until(lambda: [one["args"]["number"] for one in panel.sent("user_frame")] == [7], "it is the one that was asked for")
+
+    page.click("#tab-cell")
+    page.until("document.querySelector('#cell-version').options.length === 2")
+    restore = "#cell-version ~ button:last-child"
+    page.click(restore)
+    choose(page, "#cell-version", "1")
+    page.click(restore)
+    assert nothing_is_sent(panel, "cell_restore")
+    page.click(restore)
+    until(lambda: [one["args"]["version"] for one in panel.sent("cell_restore")] == [1], "the one that was asked for")
+
+    def give_file(name):
+        page.evaluate("(() => { const files = new DataTransfer(); files.items.add(new File(['{}'], %s)); "
+                      "document.querySelector('#cell-import').files = files.files; })()" % json.dumps(name))
+    give_file("one.json")
+    page.click("#cell-import + button")
+    page.until_text("#cell-import + button", "one.json")
+    give_file("two.json")
+    page.click("#cell-import + button")
+    page.until_text("#cell-import + button", "two.json")
+    assert nothing_is_sent(panel, "cell_upload")
+    page.click("#cell-import + button")
+    until(lambda: panel.sent("cell_upload"), "it is imported")

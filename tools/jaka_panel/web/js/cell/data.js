@@ -165,11 +165,14 @@ function makeFile(app) {
     } else {
       say(await cell.replace(await chosen.text()), 'cell.import');
     }
-  });
+  }, { values: () => {
+    const chosen = file.files?.[0];
+    return { name: chosen?.name ?? '–', size: chosen?.size ?? 0, changed: chosen?.lastModified ?? 0 };
+  } });
   const list = h('button', { type: 'button', t: 'run.list', on: { click: () => void fill() } });
   const restore = twiceButton('cell.restore', 'cell.restore_sure', async () => {
     if (select.value) say(await cell.ask('cell_restore', { version: Number(select.value) }), 'cell.restore');
-  });
+  }, { values: () => ({ version: select.value || '–' }) });
 
   async function fill() {
     if (!app.store.welcome || app.store.welcome.may === 'watch') return;

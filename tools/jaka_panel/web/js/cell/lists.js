@@ -168,7 +168,7 @@ export function makeListRun(app, runner) {
     if (!choose.value) return;
     const answer = await cell.change([{ section: 'lists', arm: store.chosen, name: choose.value, entry: null }]);
     if (!answer.ok) toast(answer.message || 'cmd.failed', 'bad', 'points.remove');
-  }, { values: () => ({ name: choose.value || '–' }) });
+  }, { values: () => ({ name: choose.value || '–', arm: store.chosen }) });
 
   const planButton = actionButton('run.make_plan', async () => {
     if (!steps.length) {

@@ -80,9 +80,11 @@ function makeResult(app, { section, cmd, highest }) {
   const keep = h('button', { type: 'button', t: 'teach.keep', on: { click: () => void store() } });
   const set = twiceButton('teach.keep_and_set', 'teach.set_sure', async () => {
     const [chosen] = readAll([number]) ?? [];
-    if (!entry || chosen === undefined || !await store()) return;
-    await app.command(cmd, { number: Math.round(chosen), p: entry.p, r: entry.r });
-  }, { needs: 'setting', values: () => ({ number: number.input.value }) });
+    const { chosen: arm } = app.store;
+    const kept = entry;
+    if (!kept || chosen === undefined || !await store()) return;
+    await app.command(cmd, { number: Math.round(chosen), p: kept.p, r: kept.r }, { arm });  // those of the press
+  }, { needs: 'setting', values: () => ({ number: number.input.value, name: name.value, taken: entry?.taken ?? 0 }) });
   const element = h('div', { hidden: true }, said, error,
     h('div', { class: 'buttons' }, h('label', { for: name.id, t: 'points.name' }), name, keep),
     h('div', { class: 'buttons' }, number.element, set));

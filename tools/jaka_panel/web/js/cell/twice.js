@@ -1,4 +1,6 @@
-/** A button that asks before it acts: the second press within some seconds does it. */
+/**
+ * A button that asks before it acts: the second press within some seconds does it, where that is still what was asked.
+ */
 import { h, setText } from '../ui/dom.js';
 
 const ASKED_MS = 6000;
@@ -7,12 +9,13 @@ const ASKED_MS = 6000;
  * @param {string} label Key of its text.
  * @param {string} question Key of the text that asks.
  * @param {() => Promise<any>} act
- * @param {{values?: () => Record<string, string|number>, needs?: string}} [options] `values`: for the question;
- *   `needs`: its name in state/line.js, where it is a command to the arm.
+ * @param {{values?: () => Record<string, string|number>, needs?: string}} [options] `values`: all that says what is done,
+ *   the question's among them: where they are others at the second press, it is asked again; `needs`: its name in state/line.js, where it is a command to the arm.
  * @returns {HTMLButtonElement}
  */
 export function twiceButton(label, question, act, { values = () => ({}), needs = '' } = {}) {
-  let isAsked = false;
+  /** Values of the question that stands; null: none does. @type {string|null} */
+  let asked = null;
   /** @type {any} */
   let timer = null;
   const button = /** @type {HTMLButtonElement} */ (h('button', { type: 'button', t: label,
@@ -20,20 +23,22 @@ export function twiceButton(label, question, act, { values = () => ({}), needs =
 
   function rest() {
     clearTimeout(timer);
-    isAsked = false;
+    asked = null;
     button.classList.remove('primary');
     setText(button, label);
   }
 
   async function press() {
-    if (isAsked) {
-      rest();
+    const now = values();
+    const isSame = asked === JSON.stringify(now);
+    rest();
+    if (isSame) {
       await act();
       return;
     }
-    isAsked = true;
+    asked = JSON.stringify(now);
     button.classList.add('primary');
-    setText(button, question, values());
+    setText(button, question, now);
     timer = setTimeout(rest, ASKED_MS);
   }
 
