@@ -201,3 +201,38 @@ def test_a_question_is_asked_again_where_what_it_names_is_another_one(panel, ope
     assert nothing_is_sent(panel, "cell_upload")
     page.click("#cell-import + button")
     until(lambda: panel.sent("cell_upload"), "it is imported")
+
+
+def test_settings_of_one_arm_are_not_written_to_another(panel, open_page):
+    payload = {"mass": 1.5, "centre": [0.0, 0.0, 0.0]}
+    told = {"tool": 1, "user_frame": 0, "tools": None, "user_frames": None, "payload": payload, "collision_level": 4}
+    with_two_arms(panel)
+    panel.answers["settings"] = lambda arguments: {"data": told}
+    page = open_page(control=True)
+    page.click("#tab-setup")
+    pressed = "[...document.querySelectorAll('#panel-setup .choice [aria-pressed=true]')].map((one) => one.dataset.name).join()"
+    page.until(pressed + " === 'level4'")
+    switch_to(page, OTHER)
+    page.until(pressed + " === ''", "what the other one holds is not known")
+    collision = "#panel-setup .card:has(.choice) "
+    page.click(collision + "button.needs-control")
+    page.until_text(collision + ".said", "Nothing is changed")
+    page.click(collision + "[data-name=level2]")
+    switch_to(page, ARM)
+    page.until(pressed + " === ''", "nor is what was to be written to the other one")
+    assert page.text(collision + ".said") == "" and not panel.sent("collision")
+
+    page.click("#panel-setup [data-t='setup.read']")
+    page.until(pressed + " === 'level4'")
+    card = "#panel-setup .card:nth-child(3) "
+    mass = card + ".field:nth-child(2) input"
+    page.type(mass, "1.2")
+    panel.answers["settings"] = lambda arguments: None
+    count = len(panel.sent("settings"))
+    page.click(card + "> .buttons button")
+    until(lambda: len(panel.sent("settings")) > count, "it is read again")
+    switch_to(page, OTHER)
+    panel.say(t="answer", id=panel.sent("settings")[-1]["id"], ok=True, message="", data=told)
+    page.until("document.querySelector(%s).getAttribute('aria-busy') === null" % json.dumps(card + "> .buttons button"))
+    assert page.evaluate("document.querySelector(%s).hidden" % json.dumps(card + ".ask"))
+    assert nothing_is_sent(panel, "payload")

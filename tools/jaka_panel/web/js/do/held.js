@@ -159,7 +159,9 @@ export function makeSetting({ app, held, title, fields, low, high, active, read,
     if (!values) return null;
     const n = Math.round(values[0]);
     const before = began;
+    const arm = app.store.chosen;
     const settings = await held.read();
+    if (arm !== app.store.chosen) return null;
     const now = settings ? read(settings, n) : null;
     if (before && now && before.some((value, index) => Math.abs(value - now[index]) > 1e-6)) {
       setText(said, 'setup.moved');
@@ -193,12 +195,15 @@ export function makeSetting({ app, held, title, fields, low, high, active, read,
   const send = actionButton('setup.write', async () => {
     if (!asked) return;
     const { n, values } = asked;
+    const arm = app.store.chosen;
     const answer = await write(n, values);
+    if (arm !== app.store.chosen) return;
     question.hidden = true;
     asked = null;
     if (!answer.ok) return;
     touched.clear();
     const settings = await held.read();
+    if (arm !== app.store.chosen) return;
     const now = settings ? read(settings, n) : null;
     const isSame = now?.every((value, index) => Math.abs(value - values[index]) < 1e-4);
     setText(said, now ? (isSame ? 'setup.written' : 'setup.differs') : 'setup.unverified');
@@ -211,6 +216,8 @@ export function makeSetting({ app, held, title, fields, low, high, active, read,
   question.append(h('p', { t: 'setup.ask' }), list, warned, h('div', { class: 'buttons' }, send, cancel));
   held.onChange(() => fill());
   app.store.on('chosen', () => {
+    asked = null;
+    clearText(said);
     isNumberTouched = false;
     fill(true);
   });

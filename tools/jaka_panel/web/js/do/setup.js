@@ -1,5 +1,5 @@
 /** Settings of the arm: tool and user frame, payload, collision sensitivity, hand guiding, the force sensor's zero. */
-import { h, setText } from '../ui/dom.js';
+import { clearText, h, setText } from '../ui/dom.js';
 import { DEGREES, rotationVectorFromRpy, rpyFromRotationVector } from '../ui/format.js';
 import { actionButton, numberField } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
@@ -88,10 +88,12 @@ function makeCollision(app, held) {
       setText(said, 'setup.nothing');
       return;
     }
+    const arm = app.store.chosen;
     const answer = await app.command('collision', { level: wanted });
-    if (!answer.ok) return;
+    if (!answer.ok || arm !== app.store.chosen) return;
     isTouched = false;
     await held.read();
+    if (arm !== app.store.chosen) return;
     const isSame = held.settings?.collision_level === wanted;
     setText(said, isSame ? 'setup.written' : 'setup.differs');
   }, { 'data-needs': 'sensitivity' });
@@ -99,7 +101,12 @@ function makeCollision(app, held) {
     const value = settings?.collision_level ?? null;
     if (value === null) setText(now, 'setup.not_told');
     else setText(now, 'setup.collision.now', { level: value === 0 ? app.say('setup.collision.off') : value });
-    if (!isTouched && value !== null) level.choose(LEVELS[value] ?? '');
+    if (!isTouched) level.choose(value === null ? '' : (LEVELS[value] ?? ''));
+  });
+  app.store.on('chosen', () => {  // what was chosen was for the arm of before
+    isTouched = false;
+    level.choose('');
+    clearText(said);
   });
   return h('section', { class: 'card' }, h('h3', { t: 'setup.collision' }), h('p', { class: 'hint', t: 'setup.collision.hint' }), now,
     h('div', { class: 'buttons' }, level.element, set), said);
