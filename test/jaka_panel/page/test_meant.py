@@ -177,7 +177,7 @@ def test_a_question_is_asked_again_where_what_it_names_is_another_one(panel, ope
     page.until_text(keep, "7")
     assert nothing_is_sent(panel, "user_frame")
     page.click(keep)
-    until(lambda: [one["args"]["number"] for one in panel.sent("user_frame")] == [7], "it is the one that was asked for")
+    until(lambda: [one["args"]["number"] for one in panel.sent("user_frame")] == [7], "the one that was asked for")
 
     page.click("#tab-cell")
     page.until("document.querySelector('#cell-version').options.length === 2")
@@ -210,7 +210,8 @@ def test_settings_of_one_arm_are_not_written_to_another(panel, open_page):
     panel.answers["settings"] = lambda arguments: {"data": told}
     page = open_page(control=True)
     page.click("#tab-setup")
-    pressed = "[...document.querySelectorAll('#panel-setup .choice [aria-pressed=true]')].map((one) => one.dataset.name).join()"
+    pressed = ("[...document.querySelectorAll('#panel-setup .choice [aria-pressed=true]')]"
+               ".map((one) => one.dataset.name).join()")
     page.until(pressed + " === 'level4'")
     switch_to(page, OTHER)
     page.until(pressed + " === ''", "what the other one holds is not known")
