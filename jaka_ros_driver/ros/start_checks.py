@@ -252,11 +252,11 @@ def server_of(service: str) -> str:
         return ""
     except (OSError, rosgraph.MasterException) as error:
         return "nobody knows whom (%s)" % error
-    parts = urlsplit(uri)
     try:
+        parts = urlsplit(uri)
         socket.create_connection((parts.hostname or "", parts.port or 0), _PROBE_TIMEOUT_S).close()
     except ConnectionRefusedError:
         return ""  # what a program that was killed has left with the master
-    except (OSError, UnicodeError):
+    except (OSError, ValueError):  # an address that is none, too
         pass
     return uri

@@ -98,7 +98,7 @@ def test_only_meshes_that_the_description_names_are_served(tmp_path):
     for other in ("other.stl", "secret.txt", "../x.png", "absent.png", ""):
         assert about.mesh_file("file://%s/%s" % (tmp_path, other)) is None
     for named in ("file:///etc/passwd", "package://roslib/../../../../../etc/passwd", "http://evil.example/x.stl",
-                  "package://no_such_package/x.stl"):
+                  "package://no_such_package/x.stl", "file://[x.stl"):
         assert Description(URDF % (named, "")).mesh_file(named) is None
 
 

@@ -55,6 +55,7 @@ tolerances: {joints: {position_rad: 0.01}}
     ("arms: [{modell: zu7}]", "did you mean 'model'"), ("events: [{after_call: 1}]", "action among them"),
     ("events: [{action: hit, arm: /right}]", "no arm '/right'"), ("events: [{action: hit, after_call: one}]", "number"),
     ("events: [{action: hit, delay_s: -1}]", "negative"), ("about: [1]", "a text"), ("a: b: c", "mapping values"),
+    ("about: 2001-99-99", "golden.yaml"),
     ("arms: [{simulation: --start off}]", "a list"), ("arms: [{simulation: [--start, off]}]", "put them in quotes"),
 ])
 def test_what_is_not_understood_is_refused_with_the_key(text, words):

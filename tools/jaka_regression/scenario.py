@@ -216,7 +216,7 @@ def parse_scenario(text: str, name: str, known_arms: Tuple[ArmSetup, ...] = (Arm
     """
     try:
         document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none raises ValueError
         raise ScenarioError("%s: %s" % (name, " ".join(str(error).split()))) from error
     given = _checked(name, {} if document is None else document,
                      ("about", "licence", "arms", "events", "tolerances"))
@@ -242,7 +242,7 @@ def _arms_of_log(path: PathLike) -> Tuple[ArmSetup, ...]:
         found = [reader.read_attachment(entry) for entry in reader.index.attachments if entry.name == PARAMETERS_NAME]
     try:
         parameters = yaml.safe_load(found[-1]) if found else {}
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):
         parameters = {}
     arms: List[ArmSetup] = []
     for node in sorted(topic.rsplit("/", 1)[0] for topic in topics if topic.endswith("/joint_position")):

@@ -15,9 +15,9 @@ from log_samples import POSE, START_NS, Sample, joints, pose, state_log, states,
 
 from jaka_bag.cli.main import main
 from jaka_bag.engines.tasks import LogTask
-from jaka_bag.errors import MissingDependency
+from jaka_bag.errors import MissingDependency, UsageError
 from jaka_bag.operations.export import export
-from jaka_fleet.dataset.adding import AddSettings, add_log, cell_of
+from jaka_fleet.dataset.adding import AddSettings, add_log, cell_of, find_logs
 from jaka_fleet.dataset.runs import RECOVERED, UNREADABLE, WHOLE, compact, find_status, read_runs
 from jaka_fleet.dataset.store import FolderStore, open_store
 
@@ -290,3 +290,17 @@ def test_without_pyarrow_it_says_so(tmp_path, monkeypatch, capsys):
     assert "needs the Python package pyarrow" in capsys.readouterr().err
     with pytest.raises(MissingDependency):
         add_log(LogTask(str(log), AddSettings(str(tmp_path / "fleet"))))
+
+
+def test_a_folder_that_cannot_be_read_is_named_and_not_left_out(tmp_path, monkeypatch):
+    (tmp_path / "logs" / "locked").mkdir(parents=True)
+    (tmp_path / "logs" / "a.mcap").touch()
+    scan = os.scandir
+
+    def scandir(path):  # root reads every folder
+        if str(path).endswith("locked"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scan(path)
+    monkeypatch.setattr(os, "scandir", scandir)
+    with pytest.raises(UsageError, match="locked cannot be read"):
+        find_logs([str(tmp_path / "logs")])

@@ -3,6 +3,7 @@ import dataclasses
 import difflib
 import math
 import re
+import sys
 from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, Hashable, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
@@ -207,7 +208,7 @@ def check_names(where: str, given: Mapping[Any, Any], known: Sequence[str], kind
 
 
 def _amount(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value < 0:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= sys.float_info.max:
         raise ToleranceError("%s: expected a number, 0 or more, not %r" % (where, value))
     return float(value)
 
@@ -274,7 +275,7 @@ def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
     """
     try:
         document = yaml.load(text, _UniqueKeys)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none raises ValueError
         raise ToleranceError("%s: %s" % (name, " ".join(str(error).split()))) from error
     given = _mapping(name, document)
     check_names(name, given, [item.name for item in dataclasses.fields(Tolerances)], ToleranceError)

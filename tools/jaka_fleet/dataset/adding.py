@@ -77,8 +77,11 @@ def find_logs(sources: Sequence[str]) -> List[str]:
     The files of a rosbag2 folder are logs; where they are compressed as a whole, the folder is one.
 
     Raises:
-        UsageError: There is no such file, or a folder has none.
+        UsageError: There is no such file, or a folder has none, or cannot be read.
     """
+    def refuse(error: OSError) -> None:
+        raise UsageError("%s cannot be read: %s" % (error.filename, error.strerror))
+
     found: Dict[str, None] = {}
     for source in sources:
         if not os.path.isdir(source):
@@ -87,7 +90,7 @@ def find_logs(sources: Sequence[str]) -> List[str]:
             found[source] = None
             continue
         before = len(found)
-        for folder, folders, names in os.walk(source):
+        for folder, folders, names in os.walk(source, onerror=refuse):
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             found.update(dict.fromkeys(os.path.join(folder, name) for name in sorted(names)
                                        if name.endswith(SUFFIXES)))

@@ -4,7 +4,6 @@ Data are ``data[section][arm][name] = entry``. Units are m, rad, s, kg; rotation
 mended: what is not as it should be is an error that names the place.
 """
 import json
-import math
 import re
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
@@ -46,7 +45,7 @@ class Change(NamedTuple):
 
 def _number(low: float, high: float, unit: str) -> Check:
     def check(value: Any, place: str) -> None:
-        if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+        if type(value) not in (int, float) or not low <= value <= high:
             raise WrongCell("%s must be a number within %g to %g %s" % (place, low, high, unit))
     return check
 

@@ -54,7 +54,10 @@ class Description:
 
 def _path(uri: str) -> Optional[str]:
     """Return the path that a URI names; None if it is of another kind or its package is unknown."""
-    parts = urlsplit(uri)
+    try:
+        parts = urlsplit(uri)
+    except ValueError:
+        return None
     if parts.scheme == "file":
         return unquote(parts.path)
     if parts.scheme != "package":
