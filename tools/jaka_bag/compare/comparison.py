@@ -6,9 +6,10 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 from ..errors import BagError
 from ..paths import PathLike
 from ..pipeline import in_order
+from .checks.aligned_samples import Frame
 from .checks.call_checks import call_checks
 from .checks.content_checks import content_checks, messages_more_or_less
-from .checks.motion_checks import RESOLUTION, Frame, motion_watches
+from .checks.motion_checks import RESOLUTION, motion_watches
 from .checks.state_checks import state_checks
 from .checks.stream_checks import common_time, stream_checks, stream_watches, type_checks
 from .checks.timing_checks import coverage_check, timing_checks
@@ -39,7 +40,9 @@ def scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
         tolerances, timing=grown(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "stale_ms", "wait_s",
                                          "pace_floor_ms"),
         states=grown(tolerances.states, "brief_s", "timing_s"),
-        calls=grown(tolerances.calls, "duration_s", "timing_s"))
+        calls=grown(tolerances.calls, "duration_s", "timing_s"),
+        streams=dataclasses.replace(tolerances.streams, gap_length_s=max(time_scale, 1.0)
+                                    * tolerances.streams.gap_length_s))
 
 
 def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] = None,
@@ -71,13 +74,14 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     alignment = aligner.alignment
     call_topics = {call.topic for call in golden.calls + candidate.calls}
     topics = [topic for topic in sorted(comparable) if topic not in call_topics]
-    streams = stream_watches(ours, theirs, alignment, limits, topics)
+    streams = stream_watches(ours, theirs, alignment, limits, topics, time_scale)
     slack = {topic: messages_more_or_less(ours.streams[topic], golden.duration, limits.streams.gap_s)
              for topic in topics}
     on_change = {topic: count for topic, count in slack.items() if count is not None}
     own = frozenset((*ours.joints, *ours.poses, *ours.states))
-    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts, resolution, on_change,
-                                                         time_scale))
+    common = common_time(ours, theirs, alignment)
+    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts, resolution, common,
+                                                         golden.duration, on_change, time_scale))
     for is_candidate, (begin, end) in _in_step(golden.windows, candidate.windows, alignment.lag):
         for stream in streams[is_candidate].values():
             stream.take(begin, end)
@@ -94,8 +98,7 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
         checks += watch.checks(residuals)
     checks += state_checks(ours, theirs, alignment, limits, course)
     checks += content_checks(ours, theirs, alignment, limits, on_change, own, course)
-    checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment),
-                          course.outer_call)
+    checks += call_checks(ours, theirs, alignment, limits, common, course.outer_call)
     return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course,
                       coverage_of(golden, candidate, limits, comparable, on_change, time_scale),
                       unmatched_names(golden, limits))

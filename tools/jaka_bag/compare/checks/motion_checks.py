@@ -1,17 +1,16 @@
 """Joints, positions, orientations and further fields, sample by sample, a window of both logs at a time."""
-from typing import Callable, Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from ...messages.batch import Array
 from ...operations.thinning import MinMax
-from ...units import m_to_mm, mm_to_m, ms_to_s, s_to_ms
-from ..matching.alignment import Alignment
-from ..matching.curve_distance import Lateness, distances, interpolated, lengths
-from ..matching.cut_motions import Allowances, Cut
-from ..runs.run import LongTrack, Run, Track, arm_of
-from ..tolerances import Envelope, FieldTolerance, Tolerances
+from ...units import m_to_mm, mm_to_m, s_to_ms
+from ..matching.curve_distance import interpolated, lengths
+from ..runs.run import LongTrack, Run, arm_of
+from ..tolerances import Envelope, FieldTolerance
 from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
+from .aligned_samples import AlignedSamples, Convert, Frame, Samples, as_they_are
 from .content_checks import NumberLimits, is_of_any_speed, number_limits
 from .rotation_angles import continuous, quaternions
 
@@ -19,8 +18,6 @@ RESOLUTION = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
 _SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 """Multiples of a limit for each of which the samples outside are counted."""
-_BEHIND_S = 10.0
-"""Span, s, of the golden curve that is kept before the times where samples have been sought."""
 _CLOSE_UP_S = 1.0
 _EVERY, _SLOPE_S, _LEAST_SPEED = 2, 0.012, 0.005
 """The share of samples taken for lateness is one of so many; half the span of speeds, s; least speed, m/s or rad/s."""
@@ -32,63 +29,9 @@ ONE_MOTION = 2.0
 _POINTS = 1100
 
 
-class Frame(NamedTuple):
-    """The context that the checks of one comparison share."""
-
-    alignment: Alignment
-    tolerances: Tolerances
-    arms: List[str]
-    cuts: Dict[str, List[Cut]]
-    resolution: float = RESOLUTION
-    on_change: Collection[str] = ()
-    time_scale: float = 1.0
-
-    @property
-    def jitter_s(self) -> float:
-        """The largest error of a stamp, s."""
-        return ms_to_s(self.tolerances.timing.jitter_ms)
-
-    def envelope(self, topic: str, name: str) -> Envelope:
-        """Return the envelope of a joint, position, orientation or field; empty where it has none."""
-        return self.tolerances.envelopes.get(topic, {}).get(name, ())
-
-
-class _Samples(NamedTuple):
-    """The candidate's finite samples at golden times, without those where the golden log has none.
-
-    ``jitter`` is the largest error of each stamp, s; ``allowed`` the allowed deviation of each value because of stops.
-    """
-
-    time: Array
-    value: Array
-    jitter: Array
-    allowed: Array
-    golden_time: Array
-    golden_value: Array
-    golden_here: Array
-
-    def columns(self, some: slice) -> "_Samples":
-        """Return the samples with some of their columns."""
-        return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
-                             golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
-
-    def distances(self, enough: float) -> Array:
-        """Return each sample's Euclidean distance to the golden curve; exact where above ``enough``."""
-        return distances(self.golden_time, self.golden_value, self.time, self.value,
-                         lengths(self.value - self.golden_here), self.jitter, enough)
-
-
 def _least(envelope: Envelope, limit: float, factor: float = 1.0) -> float:
     """Return an envelope's least limit, divided by ``factor``; without an envelope ``limit``."""
     return min(value for _, value in envelope) / factor if envelope else limit
-
-
-Convert = Callable[[Array, Optional[Array]], Array]
-"""Values as they are compared, from those in the log and the last row that was converted (None: there was none)."""
-
-
-def _as_they_are(value: Array, _before: Optional[Array]) -> Array:
-    return value
 
 
 def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
@@ -99,85 +42,6 @@ def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
     else:
         orientation = continuous(orientation)
     return np.hstack([value[:, :3], orientation])
-
-
-class _GoldenCurve:
-    """The part of a golden track that samples are compared with; it moves on with them."""
-
-    def __init__(self, track: LongTrack, longest_s: float, convert: Convert) -> None:
-        self._blocks: Iterator[Track] = track.blocks()
-        self._lateness = Lateness(track.facts.rhythm if track.facts.finite_count > 2 else 0.0, longest_s)
-        self._convert = convert
-        self._is_at_end = False
-        self._last: Optional[Array] = None
-        self.time, self.late = np.zeros(0), np.zeros(0)
-        self.value = np.zeros((0, 0))
-
-    def cover(self, until: float) -> None:
-        """Extend the curve to two samples beyond a golden time, s, where there are so many."""
-        while not self._is_at_end and (len(self.time) < 2 or self.time[-2] <= until):
-            block = next(self._blocks, None)
-            if block is None:
-                self._is_at_end = True
-                return
-            block = block.finite()
-            if not len(block.time):
-                continue
-            value = self._convert(block.value, self._last)
-            self._last = value[-1].copy()
-            late = self._lateness.of(block.time)
-            whole = len(self.time) > 0
-            self.time = np.concatenate([self.time, block.time])
-            self.late = np.concatenate([self.late, late])
-            self.value = np.concatenate([self.value, value]) if whole else value
-
-    def drop(self, before: float) -> None:
-        """Give up what lies before a golden time, s, but for two samples."""
-        first = max(int(np.searchsorted(self.time, before)) - 2, 0)
-        self.time, self.late, self.value = self.time[first:], self.late[first:], self.value[first:]
-
-
-class _Aligned:
-    """An iterator over the windows of a candidate's track, as samples at golden times."""
-
-    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, convert: Convert = _as_they_are) -> None:
-        self._theirs, self._frame, self._convert = theirs, frame, convert
-        self._gap_s = frame.tolerances.streams.gap_s
-        self._arm = arm_of(ours.topic, frame.arms)
-        self._facts = ours.facts
-        self._golden = _GoldenCurve(ours, self._gap_s, convert)
-        rhythm = theirs.facts.rhythm if theirs.facts.finite_count > 2 else 0.0
-        self._lateness = Lateness(rhythm, self._gap_s)
-        self._last: Optional[Array] = None
-        self._allowances = Allowances(frame.cuts.get(self._arm, []), ours, ms_to_s(frame.tolerances.timing.cut_ms),
-                                      lambda value: convert(value, None))
-        self.can_be_compared = ours.facts.finite_count >= 2 and theirs.facts.finite_count > 0
-
-    def samples(self, block: Track) -> Optional[_Samples]:
-        """Return the samples of the candidate's next window; None where there are none."""
-        block = block.finite()
-        if not len(block.time) or not self.can_be_compared:
-            return None
-        value = self._convert(block.value, self._last)
-        self._last = value[-1].copy()
-        jitter = self._frame.jitter_s + self._lateness.of(block.time)
-        at = self._frame.alignment.golden_time(self._arm, block.time)
-        inside = (at >= self._facts.first) & (at <= self._facts.last)
-        if not inside.any():
-            return None
-        golden = self._golden
-        golden.cover(float(at[inside][-1]))
-        for i in np.flatnonzero(np.diff(golden.time) > self._gap_s).tolist():
-            inside &= (at < golden.time[i] + self._frame.jitter_s) | (at > golden.time[i + 1] - self._frame.jitter_s)
-        if not inside.any():
-            return None
-        at, value = at[inside], value[inside]
-        jitter = jitter[inside] + np.interp(at, golden.time, golden.late)
-        golden.cover(float(at[-1] + jitter.max()))
-        found = _Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value,
-                         interpolated(golden.time, golden.value, at))
-        golden.drop(float(at[-1] - jitter.max()) - _BEHIND_S)
-        return found
 
 
 class _Judge:
@@ -202,7 +66,7 @@ class _Judge:
         self._tail = np.zeros((0, 2))
         self._close_up = np.zeros((0, 2))
 
-    def take(self, off: Array, allowed: Array, samples: _Samples) -> None:
+    def take(self, off: Array, allowed: Array, samples: Samples) -> None:
         """Add further samples."""
         beyond = np.maximum(off - allowed, 0.0)
         wider = np.zeros(len(off)) if not self._envelope else (
@@ -264,7 +128,7 @@ class _Staleness:
         self._arm, self._frame = arm, frame
         self._products: Dict[int, Array] = {}
 
-    def take(self, samples: _Samples) -> None:
+    def take(self, samples: Samples) -> None:
         """Add further samples."""
         few = np.flatnonzero((samples.time * 1e6).astype(np.int64) % _EVERY == 0)  # whatever the windows are
         if not len(few):
@@ -317,9 +181,9 @@ class MotionWatch:
     """A comparison of one track of the candidate, taken in by windows, with the golden one."""
 
     def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
-                 convert: Convert = _as_they_are) -> None:
+                 convert: Convert = as_they_are) -> None:
         self._aspect, self._ours, self._theirs, self._frame = aspect, ours, theirs, frame
-        self._aligned = _Aligned(ours, theirs, frame, convert)
+        self._aligned = AlignedSamples(ours, theirs, frame, convert)
         self._staleness: Optional[_Staleness] = None
         self._stale_name = ""
         self._bad: List[Array] = []
@@ -331,7 +195,7 @@ class MotionWatch:
         good = np.isfinite(block.value).all(axis=1)
         if not good.all():
             self._bad.append(block.time[~good])
-        samples = self._aligned.samples(block)
+        samples = self._aligned.samples(block, good)
         if samples is not None:
             if self._staleness is not None:
                 self._staleness.take(samples)
@@ -341,7 +205,7 @@ class MotionWatch:
         self._staleness = _Staleness(arm_of(self._ours.topic, self._frame.arms), self._frame)
         self._stale_name = field
 
-    def _judge(self, samples: _Samples) -> None:
+    def _judge(self, samples: Samples) -> None:
         raise NotImplementedError
 
     def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
@@ -350,7 +214,17 @@ class MotionWatch:
     def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         """Return the outcomes, after all windows."""
         late = [] if self._staleness is None else self._staleness.checks(self._ours.topic, self._stale_name)
-        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals)) + late
+        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals)) + late \
+            + self._reach_checks()
+
+    def _reach_checks(self) -> List[Check]:
+        """Return the check that both tracks have samples at the same times, where they do not."""
+        frame, (begin, end) = self._frame, self._frame.common
+        self._aligned.finish()
+        slack = frame.tolerances.timing.event_s
+        name = self._ours.names[0] if self._aspect is Aspect.FIELDS else self._aspect.value
+        near_s = frame.tolerances.streams.gap_s * max(frame.time_scale, 1.0) + frame.jitter_s
+        return self._aligned.reach.checks(self._ours.topic, name, (begin + slack, end - slack), frame.duration, near_s)
 
     def _nan_checks(self) -> List[Check]:
         """Return the checks that the policy for values that are not finite demands."""
@@ -396,7 +270,7 @@ class _JointWatch(MotionWatch):
                         for name, limit, envelope in zip(ours.names, self._limits, envelopes)]
         self._watch_lateness()
 
-    def _judge(self, samples: _Samples) -> None:
+    def _judge(self, samples: Samples) -> None:
         for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
             part = samples.columns(slice(column, column + 1))
             judge.take(part.distances(self._frame.resolution * limit), part.allowed[:, 0], part)
@@ -430,7 +304,7 @@ class _PoseWatch(MotionWatch):
                                      "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
                                      ", ".join(theirs.frames)))
 
-    def _judge(self, samples: _Samples) -> None:
+    def _judge(self, samples: Samples) -> None:
         placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
         self._placed.take(placed.distances(self._frame.resolution * self._limits[0]), lengths(placed.allowed), placed)
         opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
@@ -451,7 +325,7 @@ class _FieldWatch(MotionWatch):
         self._only = _Judge(Aspect.FIELDS, ours.topic, name, self._limit, "", 0.0, ours.names,
                             frame.resolution * self._limit, 1.0, envelope)
 
-    def _judge(self, samples: _Samples) -> None:
+    def _judge(self, samples: Samples) -> None:
         near, rule = samples.golden_here, self._rule
         unwound = samples
         if rule.wraps:
@@ -474,7 +348,7 @@ class _NumbersWatch(MotionWatch):
         super().__init__(Aspect.FIELDS, ours, theirs, frame,
                          (lambda value, before: continuous(value) if before is None else
                           continuous(np.concatenate([before[None], value]))[1:]) if limits.is_quaternion
-                         else _as_they_are)
+                         else as_they_are)
         self._is_quaternion = limits.is_quaternion
         names = [name] if len(limits.limits) == 1 else [
             "%s[%d]" % (name, column) for column in range(len(limits.limits))]
@@ -485,7 +359,7 @@ class _NumbersWatch(MotionWatch):
         if is_of_any_speed(name):
             self._watch_lateness(name)
 
-    def _judge(self, samples: _Samples) -> None:
+    def _judge(self, samples: Samples) -> None:
         whole = len(samples.value[0])
         if self._is_quaternion:
             opposite = np.einsum("ij,ij->i", samples.golden_here, samples.value) < 0

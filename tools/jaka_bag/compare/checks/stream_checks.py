@@ -19,6 +19,8 @@ _LAST = np.array([-1])
 _OTHER_GAP_S = 10.0
 _SLOW_HZ = 20.0
 _ROUNDING_S = 1e-6
+_AHEAD_S = 1.0
+"""Stamps farther ahead of the golden ones than this, s, are those of a clock that jumped."""
 
 
 class StreamWatch:
@@ -45,6 +47,7 @@ class StreamWatch:
         self.near_gaps: List[Tuple[float, float]] = []
         self.latency = Quantiles()
         self.latest: Tuple[float, float] = (-np.inf, 0.0)
+        self.soonest: Tuple[float, float] = (np.inf, 0.0)
         self.repeated = self.backwards = 0
         self.farthest_back: Tuple[float, float] = (0.0, 0.0)
 
@@ -85,6 +88,9 @@ class StreamWatch:
         worst = int(np.argmax(latency))
         if latency[worst] > self.latest[0]:
             self.latest = (float(latency[worst]), float(common.log_time[worst]))
+        best = int(np.argmin(latency))
+        if latency[best] < self.soonest[0]:
+            self.soonest = (float(latency[best]), float(common.log_time[best]))
         stamp = common.stamp if before is None or before.stamp is None else np.append(before.stamp, common.stamp)
         steps = np.diff(stamp)
         self.repeated += int((steps == 0).sum())
@@ -149,10 +155,13 @@ def common_time(golden: Run, candidate: Run, alignment: Alignment) -> Tuple[floa
 
 
 def stream_watches(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
-                   topics: Sequence[str]) -> Tuple[Dict[str, StreamWatch], Dict[str, StreamWatch]]:
-    """Return the watches that take in the messages of the golden log and of the candidate, by topic."""
+                   topics: Sequence[str], time_scale: float) -> Tuple[Dict[str, StreamWatch], Dict[str, StreamWatch]]:
+    """Return the watches that take in the messages of the golden log and of the candidate, by topic.
+
+    Topics that are published by the host's clock come as much more rarely as the candidate ran faster.
+    """
     begin, end = common_time(golden, candidate, alignment)
-    gap_s = tolerances.streams.gap_s
+    gap_s = tolerances.streams.gap_s * max(time_scale, 1.0)
     return ({topic: StreamWatch(golden.streams[topic], begin, end, gap_s) for topic in topics},
             {topic: StreamWatch(candidate.streams[topic], begin + alignment.lag, end + alignment.lag, gap_s)
              for topic in topics})
@@ -174,18 +183,19 @@ def stream_checks(golden: Dict[str, StreamWatch], candidate: Dict[str, StreamWat
             if topic in own:
                 checks.append(_count_check(both, limits, on_change[topic]))
             if both.golden.stream.is_stamped and both.candidate.stream.is_stamped:
-                checks.append(_order_check(both, alignment.lag))
+                checks += _order_checks(both, alignment.lag)
             continue
         for watch in both:
             watch.finish()
-        if time_scale != 1.0:
-            checks.append(not_compared(Aspect.RATES, topic, "", "rates do not scale: the candidate ran %g times faster"
-                                       % time_scale))
-            continue
         if min(both.golden.count, both.candidate.count) < _FEWEST:
             checks.append(equal(Aspect.COUNTS, topic, "", False, "hardly any message while the other log runs",
                                 golden="%d messages" % both.golden.count,
                                 candidate="%d messages" % both.candidate.count))
+            continue
+        if time_scale != 1.0:
+            checks.append(not_compared(Aspect.RATES, topic, "", "rates do not scale: the candidate ran %g times faster"
+                                       % time_scale))
+            checks.append(_gap_check(both, limits, alignment.lag, limits.gap_s * max(time_scale, 1.0)))
             continue
         checks += _rate_checks(both, limits, alignment.lag)
         checks += _lost_checks(both, limits)
@@ -222,6 +232,12 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
                "99 %% of the intervals are within %.1f ms of their mean, %.1f ms in the golden log"
                % (s_to_ms(jitter_c), s_to_ms(jitter_g)),
                golden="%.1f ms" % s_to_ms(jitter_g), candidate="%.1f ms" % s_to_ms(jitter_c))]
+    return checks + [_gap_check(both, limits, lag, limits.gap_s)]
+
+
+def _gap_check(both: _Common, limits: StreamTolerance, lag: float, gap_s: float) -> Check:
+    """Check that both logs have the same silences longer than ``gap_s``."""
+    topic = both.golden.stream.topic
     # a gap just below the limit in one log and just above in the other is the same gap
     gaps_g, gaps_c = (watch.gaps for watch in both)
     near_g, near_c = (watch.near_gaps for watch in both)
@@ -235,12 +251,11 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
         _, at, length, words = max(unmatched, key=lambda gap: gap[2])
         detail, golden, candidate = ("silent for %.2f s: %s" % (length, words), "%d gaps" % len(gaps_g),
                                      "%d gaps" % len(gaps_c))
-        checks.append(equal(Aspect.GAPS, topic, "", False, detail, at, golden, candidate) if math.isinf(worst) else
-                      judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s", detail, at, golden, candidate))
-    else:
-        checks.append(judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s",
-                             "%d gaps longer than %g s" % (len(gaps_c), limits.gap_s)))
-    return checks
+        if math.isinf(worst):
+            return equal(Aspect.GAPS, topic, "", False, detail, at, golden, candidate)
+        return judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s", detail, at, golden, candidate)
+    return judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s",
+                  "%d gaps longer than %g s" % (len(gaps_c), gap_s))
 
 
 def _gap_off(gaps: Sequence[Tuple[float, float]], start: float, length: float) -> float:
@@ -283,11 +298,19 @@ def _stamp_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Ch
     checks.append(judged(Aspect.STAMPS, topic, "repeated", max(repeated_c - repeated_g, 0.0), limits.repeated_percent,
                          "%", "%.1f %% of the messages repeat the stamp before, %.1f %% in the golden log"
                          % (repeated_c, repeated_g), golden="%.1f %%" % repeated_g, candidate="%.1f %%" % repeated_c))
-    return checks + [_order_check(both, lag)]
+    return checks + _order_checks(both, lag)
 
 
-def _order_check(both: _Common, lag: float) -> Check:
+def _order_checks(both: _Common, lag: float) -> List[Check]:
+    topic = both.golden.stream.topic
     backwards_g, backwards_c = (watch.backwards for watch in both)
     at = both.candidate.farthest_back[1] - lag if backwards_c else None
-    return equal(Aspect.STAMPS, both.golden.stream.topic, "order", backwards_c <= backwards_g,
-                 "%d stamps are older than the one before" % backwards_c, at, str(backwards_g), str(backwards_c))
+    checks = [equal(Aspect.STAMPS, topic, "order", backwards_c <= backwards_g,
+                    "%d stamps are older than the one before" % backwards_c, at, str(backwards_g), str(backwards_c))]
+    if both.golden.count and both.candidate.count:
+        ahead_g, ahead_c = (-watch.soonest[0] for watch in both)
+        if abs(ahead_c - ahead_g) > _AHEAD_S:
+            checks.append(equal(Aspect.STAMPS, topic, "ahead", False,
+                                "stamps are up to %.1f s ahead of their recording, %.1f s in the golden log"
+                                % (ahead_c, ahead_g), both.candidate.soonest[1] - lag))
+    return checks
