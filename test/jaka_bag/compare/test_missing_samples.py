@@ -1,9 +1,11 @@
 """What the golden log has and the candidate lacks is found, and what only the candidate has."""
+import numpy as np
 import pytest
 from cell_logs import Said, joints, smooth, steady, transforms, write_cell
 
 from jaka_bag.compare.comparison import compare_logs
-from jaka_bag.compare.tolerances import Tolerances
+from jaka_bag.compare.runs import windows
+from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.compare.verdict import Aspect
 
 
@@ -86,3 +88,62 @@ def test_stamps_that_jump_ahead_are_found_where_nothing_but_states_would_tell(tm
     found = compared(tmp_path, golden, joints(10.0, move) + states(20.0, 1)).differences
     assert {check.aspect for check in found} >= {Aspect.STAMPS}
     assert {check.topic for check in found} == {"/cell/stamped"}
+
+
+def beat(of):
+    return joints(10.0, move) + steady("/cell/beat", 50.0, 10.0, lambda now, n: of(n))
+
+
+@pytest.mark.parametrize("of", [lambda n: 0, lambda n: 1, lambda n: n // 2 % 2, lambda n: n % 2 if n < 250 else 1])
+def test_a_heartbeat_that_is_stuck_or_slow_is_found(of, tmp_path):
+    golden = beat(lambda n: n % 2)
+    found = compared(tmp_path, golden, beat(of)).differences
+    assert {check.topic for check in found} == {"/cell/beat"}, found
+    assert compared(tmp_path, beat(of), golden).differences
+
+
+@pytest.mark.parametrize("of", [lambda n: n % 2, lambda n: n % 3, lambda n: n // 2 % 2, lambda n: n % 256])
+def test_a_heartbeat_of_another_phase_is_the_same(of, tmp_path):
+    moved = [one._replace(time=one.time + 0.013) for one in steady("/cell/beat", 50.0, 10.0, lambda now, n: of(n + 1))]
+    comparison = compared(tmp_path, beat(of), joints(10.0, move) + moved)
+    assert comparison.same, comparison.differences
+
+
+def test_a_pulse_that_either_log_lacks_is_found(tmp_path):
+    def force(amount):
+        return joints(10.0, move) + steady("/cell/force", 50.0, 10.0, lambda now, n: amount if 5.0 <= now < 5.15
+                                           else 0.5 * smooth(now, 2.0, 9.0))
+    with_pulse, without = force(100.0), force(0.0)
+    assert compared(tmp_path, with_pulse, without).differences
+    assert compared(tmp_path, without, with_pulse).differences
+    assert compared(tmp_path, with_pulse, with_pulse).same
+
+
+@pytest.mark.parametrize("amount", [0.006, 0.3])
+def test_a_joint_that_goes_away_and_back_is_found_in_either_log(amount, tmp_path):
+    def twitching(now):
+        return move(now)[0], 0.1 + (amount if 5.0 <= now < 5.15 else 0.0)
+    twitch, none = joints(10.0, twitching), joints(10.0, move)
+    for golden, candidate in ((twitch, none), (none, twitch)):
+        found = compared(tmp_path, golden, candidate).differences
+        assert {check.field for check in found} == {"joint_2"}, found
+
+
+def test_angles_that_wrap_are_the_same_and_a_turn_that_is_missing_is_found(tmp_path):
+    def angle(dip):
+        return joints(10.0, move) + steady("/cell/force", 50.0, 10.0, lambda now, n: float(
+            np.mod(3.0 + 0.4 * np.sin(now) + (dip if 5.0 <= now < 5.15 else 0.0) + np.pi, 2.0 * np.pi) - np.pi))
+    limits = parse_tolerances("fields: {/cell/force: {data: {absolute: 0.05, wraps: true}}}")
+    assert compared(tmp_path, angle(0.0), angle(0.0), tolerances=limits).same
+    assert compared(tmp_path, angle(1.0), angle(1.0 - 2.0 * np.pi), tolerances=limits).same
+    assert compared(tmp_path, angle(1.0), angle(0.0), tolerances=limits).differences
+
+
+def test_a_pulse_at_the_border_of_two_windows_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(windows, "_WINDOW_ROWS", 100)
+    monkeypatch.setattr(windows, "_CELL_S", 1.0)
+    for begin in (4.95, 5.0, 5.9):
+        def twitching(now, begin=begin):
+            return move(now)[0], 0.1 + (0.1 if begin <= now < begin + 0.12 else 0.0)
+        assert compared(tmp_path, joints(10.0, twitching), joints(10.0, move)).differences
+    assert compared(tmp_path, joints(10.0, move), joints(10.0, move)).same

@@ -8,7 +8,7 @@ from ..paths import PathLike
 from ..pipeline import in_order
 from .checks.aligned_samples import Frame
 from .checks.call_checks import call_checks
-from .checks.content_checks import content_checks, messages_more_or_less
+from .checks.content_checks import Counts, content_checks, messages_more_or_less
 from .checks.motion_checks import RESOLUTION, motion_watches
 from .checks.state_checks import state_checks
 from .checks.stream_checks import common_time, stream_checks, stream_watches, type_checks
@@ -97,7 +97,9 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     for watch in watches:
         checks += watch.checks(residuals)
     checks += state_checks(ours, theirs, alignment, limits, course)
-    checks += content_checks(ours, theirs, alignment, limits, on_change, own, course)
+    counts = {} if time_scale != 1.0 else {topic: Counts(watch.count, streams[1][topic].count, *common)
+                                           for topic, watch in streams[0].items()}
+    checks += content_checks(ours, theirs, alignment, limits, on_change, own, course, counts)
     checks += call_checks(ours, theirs, alignment, limits, common, course.outer_call)
     return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course,
                       coverage_of(golden, candidate, limits, comparable, on_change, time_scale),

@@ -7,7 +7,7 @@ import numpy as np
 from ...messages.batch import Array
 from ...units import ms_to_s
 from ..matching.alignment import Alignment
-from ..matching.curve_distance import Lateness, distances, interpolated, lengths
+from ..matching.curve_distance import Lateness, box_distances, distances, interpolated, lengths
 from ..matching.cut_motions import Allowances, Cut
 from ..runs.run import LongTrack, Track, arm_of
 from ..tolerances import Envelope, Tolerances
@@ -15,6 +15,8 @@ from .reach_checks import Reach
 
 _BEHIND_S = 10.0
 """Span, s, of the golden curve that is kept before the times where samples have been sought."""
+_AROUND_S = 1.0
+"""Span, s, of the candidate's curve, and twice the jitter, that is known around each sample that is judged."""
 
 
 class Frame(NamedTuple):
@@ -47,6 +49,8 @@ class Samples(NamedTuple):
     """The candidate's finite samples at golden times, without those where the golden log has none.
 
     ``jitter`` is the largest error of each stamp, s; ``allowed`` the allowed deviation of each value because of stops.
+    ``curve_time`` and ``curve_value`` are all of the candidate's samples from before to behind these, which are at the
+    places ``own`` of it; ``sought`` is the golden value at each sample's time, as the candidate's curve should show it.
     """
 
     time: Array
@@ -56,16 +60,29 @@ class Samples(NamedTuple):
     golden_time: Array
     golden_value: Array
     golden_here: Array
+    curve_time: Array
+    curve_value: Array
+    own: Array
+    sought: Array
 
     def columns(self, some: slice) -> "Samples":
         """Return the samples with some of their columns."""
         return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
-                             golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
+                             golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some],
+                             curve_value=self.curve_value[:, some], sought=self.sought[:, some])
 
     def distances(self, enough: float) -> Array:
-        """Return each sample's Euclidean distance to the golden curve; exact where above ``enough``."""
-        return distances(self.golden_time, self.golden_value, self.time, self.value,
-                         lengths(self.value - self.golden_here), self.jitter, enough)
+        """Return the Euclidean distance of each sample to the golden curve, or of the golden value to the candidate's.
+
+        The larger of both counts: what only one of the curves does is off. Exact where above ``enough``.
+        """
+        direct = lengths(self.value - self.golden_here)
+        off = distances(self.golden_time, self.golden_value, self.time, self.value, direct, self.jitter, enough)
+        which = np.flatnonzero(direct > enough)
+        if len(which):
+            off[which] = np.maximum(off[which], box_distances(self.curve_time, self.curve_value, self.time[which],
+                                                              self.sought[which], self.jitter[which]))
+        return off
 
 
 Convert = Callable[[Array, Optional[Array]], Array]
@@ -73,6 +90,7 @@ Convert = Callable[[Array, Optional[Array]], Array]
 
 
 def as_they_are(value: Array, _before: Optional[Array]) -> Array:
+    """Return values as they are in the log."""
     return value
 
 
@@ -135,6 +153,9 @@ class AlignedSamples:
         rhythm = theirs.facts.rhythm if theirs.facts.finite_count > 2 else 0.0
         self._lateness = Lateness(rhythm, self._gap_s)
         self._last: Optional[Array] = None
+        self._held: Optional[Tuple[Array, Array, Array]] = None
+        self._given = 0
+        self._around_s = _AROUND_S + 2.0 * frame.jitter_s
         self._allowances = Allowances(frame.cuts.get(self._arm, []), ours, ms_to_s(frame.tolerances.timing.cut_ms),
                                       lambda value: convert(value, None))
         self._beyond_s = frame.tolerances.timing.event_s if ours.facts.finite_count == 1 else 0.0
@@ -145,7 +166,7 @@ class AlignedSamples:
         self._golden.finish()
 
     def samples(self, block: Track, good: Array) -> Optional[Samples]:
-        """Return the samples of the candidate's next window; None where there are none.
+        """Return further samples after the candidate's next window, all but the last ones; None where there are none.
 
         ``good`` tells of each sample whether all of its values are numbers.
         """
@@ -158,6 +179,30 @@ class AlignedSamples:
         value = self._convert(block.value, self._last)
         self._last = value[-1].copy()
         jitter = self._frame.jitter_s + self._lateness.of(block.time)
+        if self._held is not None:
+            at, value, jitter = (np.concatenate(both) for both in zip(self._held, (at, value, jitter)))
+        self._held = at, value, jitter
+        return self._up_to(float(at[-1]) - self._around_s)
+
+    def rest(self) -> Optional[Samples]:
+        """Return the last samples, after all windows; None where there are none."""
+        return None if self._held is None else self._up_to(np.inf)
+
+    def _up_to(self, until: float) -> Optional[Samples]:
+        """Return the samples up to a golden time, s, that were not given yet; keep what lies around the next ones."""
+        assert self._held is not None
+        time, curve, late = self._held
+        own = np.arange(self._given, int(np.searchsorted(time, until, "right")))
+        if not len(own):
+            return None
+        found = self._found(time, curve, late, own)
+        kept = int(np.searchsorted(time, time[own[-1]] - self._around_s))
+        self._held = time[kept:], curve[kept:], late[kept:]
+        self._given = int(own[-1]) + 1 - kept
+        return found
+
+    def _found(self, time: Array, curve: Array, late: Array, own: Array) -> Optional[Samples]:
+        at = time[own]
         inside = (at >= self._facts.first - self._beyond_s) & (at <= self._facts.last + self._beyond_s)
         if not inside.any():
             return None
@@ -167,10 +212,11 @@ class AlignedSamples:
             inside &= (at < golden.time[i] + self._frame.jitter_s) | (at > golden.time[i + 1] - self._frame.jitter_s)
         if not inside.any():
             return None
-        at, value = at[inside], value[inside]
-        jitter = jitter[inside] + np.interp(at, golden.time, golden.late)
+        own, at = own[inside], at[inside]
+        value, jitter = curve[own], late[own] + np.interp(at, golden.time, golden.late)
         golden.cover(float(at[-1] + jitter.max()))
-        found = Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value,
-                         interpolated(golden.time, golden.value, at))
+        here = interpolated(golden.time, golden.value, at)
+        found = Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value, here,
+                        time, curve, own, here)
         golden.drop(float(at[-1] - jitter.max()) - _BEHIND_S)
         return found

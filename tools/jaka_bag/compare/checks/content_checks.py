@@ -27,9 +27,20 @@ _FEWEST_PERIODIC = 10
 _FAST_HZ = 20.0
 _STEADY_SHARE = 0.6
 _COUNTER_SHARE, _FEWEST_COUNTED = 0.3, 20
+_SHARE_OFF, _SHARE_SPREADS = 0.25, 4.0
+"""How far the share of messages in which a counter changes may be off: of that share, and in spreads of chance."""
 _MOST_NOISE = 0.5
 _NO_NUMBER = -1
 _NEW_LEVEL = 1 << 32
+
+
+class Counts(NamedTuple):
+    """The numbers of messages of a topic in both logs between two golden times, s."""
+
+    golden: int
+    candidate: int
+    begin: float
+    end: float
 
 
 def messages_more_or_less(stream: Stream, duration: float, gap_s: float) -> Optional[int]:
@@ -124,7 +135,8 @@ def _share_of(span: Array, largest: Array, limits: ContentTolerance) -> Array:
 
 
 def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
-                   on_change: Mapping[str, int], own: FrozenSet[str], course: Course) -> List[Check]:
+                   on_change: Mapping[str, int], own: FrozenSet[str], course: Course,
+                   counts: Mapping[str, Counts]) -> List[Check]:
     """Check all fields that are sequences of values, and all of the topics that are published on change.
 
     Args:
@@ -135,6 +147,7 @@ def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances
         on_change: Topics without a rate, and by how many messages each may differ.
         own: Topics of joints, poses and states.
         course: Takes down decisions about the lengths of values.
+        counts: Messages of topics while both logs run; empty where their number depends on the time scale.
     """
     checks: List[Check] = []
     for topic, ours in golden.contents.items():
@@ -157,7 +170,7 @@ def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances
                     checks.append(equal(Aspect.CONTENTS, topic, name, False, "only one of the logs has such a field"))
                 continue
             checks += _sequence_checks(topic, name, ours, theirs, alignment.lag, spans, limits, tolerances,
-                                       len(golden.streams[topic]), course)
+                                       len(golden.streams[topic]), course, counts.get(topic))
     for topic in on_change:
         checks += _number_sequences(golden, candidate, topic, alignment, tolerances)
     return checks
@@ -177,12 +190,13 @@ def _name_of(ours: Dict[int, str], theirs: Dict[int, str], value: int) -> str:
 
 
 def _sequence_checks(topic: str, name: str, ours: Contents, theirs: Contents, lag: float, spans: Tuple[float, float],
-                     limits: StateTolerance, tolerances: Tolerances, count: int, course: Course) -> List[Check]:
+                     limits: StateTolerance, tolerances: Tolerances, count: int, course: Course,
+                     common: Optional[Counts]) -> List[Check]:
     tracks = [some.track(topic) for some in (ours, theirs)]
     columns = [some.names.index(name) for some in (ours, theirs)]
     changes = int((np.diff(tracks[0].value[:, columns[0]]) != 0).sum())
     if changes > max(_COUNTER_SHARE * count, _FEWEST_COUNTED) and name not in ours.labels:
-        return [_counter_check(topic, name, tracks, columns, lag, tolerances)]
+        return _counter_checks(topic, name, tracks, columns, lag, tolerances, common)
     golden, candidate = (state_runs(track, column, until) for track, column, until in zip(tracks, columns, spans))
     if _GOAL_STATUSES.fullmatch(name):
         golden, candidate = (_without_brief_pending(runs, some.labels.get(name, {}), limits.brief_s)
@@ -209,21 +223,53 @@ def _without_brief_pending(runs: List[StateRun], labels: Mapping[int, str], brie
     return kept
 
 
-def _counter_check(topic: str, name: str, tracks: List[Track], columns: List[int], lag: float,
-                   tolerances: Tolerances) -> Check:
-    """Check whole numbers that change all the time as a curve."""
+def _counter_checks(topic: str, name: str, tracks: List[Track], columns: List[int], lag: float,
+                    tolerances: Tolerances, common: Optional[Counts]) -> List[Check]:
+    """Check whole numbers that change all the time as a curve, and how often they change."""
     (time, value), (at, seen) = [(track.time, track.value[:, [column]].astype(float))
                                  for track, column in zip(tracks, columns)]
-    inside = (at - lag >= time[0]) & (at - lag <= time[-1])
-    at, seen = at[inside] - lag, seen[inside]
-    if not len(at):
-        return equal(Aspect.CONTENTS, topic, name, False, "the logs have no time in common")
+    at = at - lag
+    inside, reverse = (at >= time[0]) & (at <= time[-1]), (time >= at[0]) & (time <= at[-1])
+    if not inside.any() or not reverse.any():
+        return [equal(Aspect.CONTENTS, topic, name, False, "the logs have no time in common")]
     allowed = float(_share_of(np.ptp(value), np.abs(value).max(), tolerances.contents))
+    jitter_s = ms_to_s(tolerances.timing.jitter_ms)
+    worst = max(_farthest(time, value, at[inside], seen[inside], jitter_s),
+                _farthest(at, seen, time[reverse], value[reverse], jitter_s))
+    checks = [judged(Aspect.CONTENTS, topic, name, worst[0], allowed, "", "at most %.4g off" % worst[0], worst[1],
+                     "%.6g" % np.interp(worst[1], time, value[:, 0]), "%.6g" % np.interp(worst[1], at, seen[:, 0]))]
+    steps = np.abs(np.diff(value[:, 0]))
+    if common is not None and min(common[:2]) >= _FEWEST_COUNTED and np.median(steps[steps > 0]) > allowed:
+        checks += _share_checks(topic, name, (time, value), (at, seen), common)
+    return checks
+
+
+def _share_checks(topic: str, name: str, ours: Tuple[Array, Array], theirs: Tuple[Array, Array],
+                  common: Counts) -> List[Check]:
+    """Return the check that a value changes from as many messages to the next, where it does not.
+
+    Within the jitter of its stamp a value that goes to and fro has all of its values.
+    """
+    shares = []
+    for (time, value), count in zip((ours, theirs), common[:2]):
+        value = value[(time >= common.begin) & (time <= common.end), 0]
+        shares.append(float((np.diff(value) != 0).sum()) / count)
+    allowed = max(_SHARE_OFF * shares[0], _SHARE_SPREADS * math.sqrt(shares[0] / common.golden))
+    if abs(shares[1] - shares[0]) <= allowed:
+        return []
+    return [equal(Aspect.CONTENTS, topic, name + " changes", False, "changes in %.0f %% of the messages, in %.0f %% in "
+                  "the golden log" % (100.0 * shares[1], 100.0 * shares[0]), None, "%.0f %%" % (100.0 * shares[0]),
+                  "%.0f %%" % (100.0 * shares[1]))]
+
+
+def _farthest(time: Array, value: Array, at: Array, seen: Array, jitter_s: float) -> Tuple[float, float]:
+    """Return the largest distance of some samples to a curve, and its time, s."""
+    if len(time) < 2:
+        time, value = np.repeat(time, 2), np.repeat(value, 2, axis=0)
     direct = np.abs(seen[:, 0] - np.interp(at, time, value[:, 0]))
-    off = distances(time, value, at, seen, direct, np.full(len(at), ms_to_s(tolerances.timing.jitter_ms)), 0.0)
+    off = distances(time, value, at, seen, direct, np.full(len(at), jitter_s), 0.0)
     worst = int(np.argmax(off))
-    return judged(Aspect.CONTENTS, topic, name, float(off[worst]), allowed, "", "at most %.4g off" % off[worst],
-                  float(at[worst]), candidate="%.6g" % seen[worst, 0])
+    return float(off[worst]), float(at[worst])
 
 
 def _number_sequences(golden: Run, candidate: Run, topic: str, alignment: Alignment,

@@ -195,7 +195,9 @@ class MotionWatch:
         good = np.isfinite(block.value).all(axis=1)
         if not good.all():
             self._bad.append(block.time[~good])
-        samples = self._aligned.samples(block, good)
+        self._take(self._aligned.samples(block, good))
+
+    def _take(self, samples: Optional[Samples]) -> None:
         if samples is not None:
             if self._staleness is not None:
                 self._staleness.take(samples)
@@ -213,6 +215,7 @@ class MotionWatch:
 
     def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         """Return the outcomes, after all windows."""
+        self._take(self._aligned.rest())
         late = [] if self._staleness is None else self._staleness.checks(self._ours.topic, self._stale_name)
         return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals)) + late \
             + self._reach_checks()
@@ -308,7 +311,8 @@ class _PoseWatch(MotionWatch):
         placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
         self._placed.take(placed.distances(self._frame.resolution * self._limits[0]), lengths(placed.allowed), placed)
         opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
-        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
+        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value),
+                                 sought=np.where(opposite[:, None], -turned.sought, turned.sought))
         chord = turned.distances(self._enough_chord)
         self._turned.take(_angles(chord), 2.0 * lengths(turned.allowed), turned)
 
@@ -329,7 +333,9 @@ class _FieldWatch(MotionWatch):
         near, rule = samples.golden_here, self._rule
         unwound = samples
         if rule.wraps:
-            unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
+            value = near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi
+            curve = np.unwrap(samples.curve_value, axis=0)
+            unwound = samples._replace(value=value, curve_value=curve, sought=curve[samples.own] + near - value)
         off = np.zeros(len(near))
         for column in range(near.shape[1]):
             distance = unwound.columns(slice(column, column + 1)).distances(
@@ -363,7 +369,8 @@ class _NumbersWatch(MotionWatch):
         whole = len(samples.value[0])
         if self._is_quaternion:
             opposite = np.einsum("ij,ij->i", samples.golden_here, samples.value) < 0
-            samples = samples._replace(value=np.where(opposite[:, None], -samples.value, samples.value))
+            samples = samples._replace(value=np.where(opposite[:, None], -samples.value, samples.value),
+                                       sought=np.where(opposite[:, None], -samples.sought, samples.sought))
         width = whole if self._is_quaternion else 1
         for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
             part = samples.columns(slice(column, column + width))

@@ -1,5 +1,5 @@
 """The distances of the candidate's samples from the golden curve, for stamps with small errors."""
-from typing import Optional
+from typing import Optional, Tuple
 
 import numpy as np
 
@@ -103,3 +103,49 @@ def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, 
         best[some] = np.minimum(best[some], lengths(off - np.minimum(np.maximum(part, 0.0), 1.0)[:, None] * along))
     result[which] = best
     return result
+
+
+def box_distances(time: Array, value: Array, at: Array, sought: Array, jitter_s: Array) -> Array:
+    """Return how far sought values lie outside of the range that a curve passes through around their times.
+
+    Of one column it is the distance to the curve; of several at most that. Where the curve is not known within the
+    jitter to both sides, it is 0.
+
+    Args:
+        time: Times of the curve, s, shape (n,), ascending.
+        value: Its values, shape (n, columns).
+        at: Times of the sought values, s, shape (m,), ascending; at least one.
+        sought: The sought values, shape (m, columns).
+        jitter_s: Largest error of each time, s, shape (m,).
+    """
+    result = np.zeros(len(at))
+    first = np.searchsorted(time, at - jitter_s, "right") - 1
+    last = np.searchsorted(time, at + jitter_s)
+    known = np.flatnonzero((first >= 0) & (last < len(time)))
+    if not len(known):
+        return result
+    first, last = first[known], last[known]
+    begin = int(first.min())
+    value = value[begin:int(last.max()) + 1]
+    low, high = _ranges(value, first - begin, last - begin + 1)
+    sought = sought[known]
+    result[known] = lengths(np.maximum(np.maximum(low - sought, sought - high), 0.0))
+    return result
+
+
+def _ranges(value: Array, begin: Array, end: Array) -> Tuple[Array, Array]:
+    """Return the least and the largest values of slices, each of at least one row, by column."""
+    low, high = np.empty((len(begin), value.shape[1])), np.empty((len(begin), value.shape[1]))
+    least = most = value
+    size = 1
+    level = np.frexp(end - begin)[1]  # a slice is covered by two of the largest power of two within its length
+    for power in range(1, int(level.max()) + 1):
+        which = np.flatnonzero(level == power)
+        if len(which):
+            left, right = begin[which], end[which] - size
+            low[which] = np.minimum(least[left], least[right])
+            high[which] = np.maximum(most[left], most[right])
+        if 2 * size <= len(value):
+            least, most = np.minimum(least[:-size], least[size:]), np.maximum(most[:-size], most[size:])
+        size *= 2
+    return low, high
