@@ -91,7 +91,7 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
                 watch.take(begin, end)
     residuals: Dict[ResidualKey, Residual] = {}
     checks += stream_checks(*streams, alignment, limits, time_scale, on_change, own)
-    checks.append(coverage_check(ours, theirs, bool(arms), alignment, limits))
+    checks.append(coverage_check(ours, theirs, bool(arms), alignment, limits, on_change))
     checks += timing_checks(alignment, cuts, limits)
     checks += motion
     for watch in watches:

@@ -1,5 +1,7 @@
 """Timing and pace of each motion, and whether the candidate's recording holds all of them."""
-from typing import Dict, List, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
+
+import numpy as np
 
 from ...units import ms_to_s
 from ..matching.alignment import Alignment, Episode
@@ -10,6 +12,12 @@ from ..verdict import Aspect, Check, equal, judged, not_compared
 
 _POOLED_S = 2.0
 """Total duration, s, from which all motions of an arm together are long enough to judge their pace as one."""
+LATCHED_S = 1.0
+"""What comes within this time, s, of the begin of a recording may be older: a latched message, the first state."""
+_ENDS_S = 1.0
+"""A recording in which nothing happens may end so much sooner, s: whoever records ends it by hand or by a clock."""
+_CHANGING_SHARE = 0.3
+"""A value that changes in a larger share of the messages changes all the time."""
 
 
 def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: Tolerances) -> List[Check]:
@@ -99,22 +107,54 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
 
 
 def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Alignment,
-                   tolerances: Tolerances) -> Check:
-    """Check that the candidate's recording holds everything that happens in the golden log."""
+                   tolerances: Tolerances, on_change: Mapping[str, int]) -> Check:
+    """Check that the candidate's recording holds everything that happens in the golden log.
+
+    Args:
+        golden: The golden log.
+        candidate: The candidate, with the same topics.
+        has_arms: The joints of both logs can be aligned.
+        alignment: Alignment of both logs.
+        tolerances: Limits for deviations.
+        on_change: Topics without a rate, and by how many messages each may differ.
+    """
     times = [call.start for call in golden.calls] + [call.end for call in golden.calls]
     for episodes in alignment.episodes.values():
         times += [time for episode in episodes for time in (episode.start, episode.end)]
     words = "lag %.3f s, found by %s" % (alignment.lag, alignment.method)
     if golden.joints and not has_arms:
         return equal(Aspect.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
-    if times:
-        slack = tolerances.timing.event_s
-        before, behind = -min(times) - alignment.lag, max(times) + alignment.lag - candidate.duration
-        missing, at = max(before, behind, 0.0), None
-        if before > slack:
-            words, at = "the candidate begins %.2f s after the first event; %s" % (before, words), min(times)
-        elif behind > slack:
-            words = "the candidate ends %.2f s before the last event; %s" % (behind, words)
-            at = candidate.duration - alignment.lag
-        return judged(Aspect.ALIGNMENT, "", "", missing, slack, "s", words, at)
-    return equal(Aspect.ALIGNMENT, "", "", True, words)
+    slack = tolerances.timing.event_s
+    changes = times + _last_changes(golden, tolerances, on_change)
+    last = max(changes, default=golden.duration - _ENDS_S)
+    before = -min(times, default=np.inf) - alignment.lag
+    behind = min(last, golden.duration) + alignment.lag - candidate.duration
+    missing, at = max(before, behind, 0.0), None
+    if before > slack:
+        words, at = "the candidate begins %.2f s after the first event; %s" % (before, words), min(times)
+    elif behind > slack:
+        words = ("the candidate ends %.2f s before the last event; %s" % (behind, words) if changes else
+                 "the candidate ends %.2f s before the golden log, in which nothing happens; %s" % (
+                     behind + _ENDS_S, words))
+        at = candidate.duration - alignment.lag
+    return judged(Aspect.ALIGNMENT, "", "", missing, slack, "s", words, at)
+
+
+def _last_changes(golden: Run, tolerances: Tolerances, on_change: Mapping[str, int]) -> List[float]:
+    """Return the time, s, of the last change of each state and content, and of the last message of topics on change.
+
+    What changes all the time, or is published with a period, has no last one.
+    """
+    tracks = [(topic, track) for topic, track in golden.states.items()]
+    tracks += [(topic, contents.track(topic)) for topic, contents in golden.contents.items()]
+    times: List[float] = []
+    for topic, track in tracks:
+        for column, name in enumerate(track.names):
+            changed = np.flatnonzero(np.diff(track.value[:, column]))
+            if len(changed) and len(changed) <= _CHANGING_SHARE * len(golden.streams[topic]) \
+                    and not tolerances.ignores_field(topic, name):
+                times.append(float(track.time[changed[-1] + 1]))
+    for topic, slack in on_change.items():
+        if not slack:
+            times.append(float(golden.streams[topic].between(-np.inf, np.inf).log_time[-1]))
+    return [time for time in times if time > LATCHED_S]
