@@ -7,6 +7,7 @@ from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.runs import windows
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.compare.verdict import Aspect
+from jaka_bag.operations import columns
 
 
 def move(now):
@@ -69,6 +70,13 @@ def test_a_transform_that_is_there_for_a_part_of_the_time_only_is_found_in_eithe
     for golden, candidate in ((both, part), (part, both)):
         found = compared(tmp_path, golden, candidate).differences
         assert found and all("camera" in check.field for check in found), found
+
+
+def test_a_transform_that_some_parts_of_a_log_do_not_have_is_compared(tmp_path, monkeypatch):
+    monkeypatch.setattr(columns, "_GROUP_BYTES", 1000)
+    said = joints(10.0, move) + transforms(10.0, lambda now: ("tool", "camera")[:1 + (now > 6.0)])
+    paths = [write_cell(tmp_path / name, said, 8000) for name in ("golden.mcap", "new.mcap")]
+    assert compare_logs(*paths).same
 
 
 def test_a_slow_transform_beside_fast_ones_is_the_same_whenever_it_comes(tmp_path):

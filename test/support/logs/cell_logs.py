@@ -35,12 +35,13 @@ class Said(NamedTuple):
     value: Any
 
 
-def write_cell(path: Path, said: Iterable[Said]) -> Path:
-    """Write messages as a log."""
+def write_cell(path: Path, said: Iterable[Said], chunk_size: int = 1 << 20) -> Path:
+    """Write messages as a log with chunks of about so many bytes."""
     some = sorted(said, key=lambda one: one.time)
     used = {one.topic for one in some}
     writers = {topic: ValueWriter(CONNECTIONS[topic]) for topic in used}
     with create_log(path, overwrite=True) as writer:
+        writer.chunk_size = chunk_size
         numbers = {topic: writer.add_channel(CONNECTIONS[topic]) for topic in sorted(used)}
         for one in some:
             writer.add_message(numbers[one.topic], START_NS + int(one.time * 1e9), writers[one.topic].write(one.value))

@@ -14,13 +14,14 @@ from ..matching.course import Course
 from ..matching.curve_distance import distances
 from ..matching.state_pairing import StateRun
 from ..runs.contents import AGE, QUATERNION
+from ..runs.publishers import base_of
 from ..runs.run import Contents, LongTrack, Run, Stream, Track
 from ..tolerances import ContentTolerance, StateTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged
 from .state_checks import field_checks, in_common, note_lengths, state_runs
 
 _PLACES = re.compile(r"(.*[. ])?(position|translation)(\.[xyz])?")
-_JOINTS = re.compile(r"(.*\.)?positions")
+_JOINTS = re.compile(r"(.*\.)?positions|position \(of .*\)")
 _GOAL_STATUSES = re.compile(r"(.*\.)?status_list\.status")
 _PENDING = re.compile(r"\b0\b")
 _FEWEST_PERIODIC = 10
@@ -78,7 +79,9 @@ def repeats_more_or_less(repeats: int, longer: float) -> int:
 
 def is_of_any_speed(name: str) -> bool:
     """Return whether a number does not depend on the speed at which a simulated arm ran."""
-    return name.endswith(QUATERNION) or _PLACES.fullmatch(name) is not None or _JOINTS.fullmatch(name) is not None
+    base = base_of(name)
+    return base.endswith(QUATERNION) or any(one.fullmatch(part) for one, part in (
+        (_PLACES, base), (_JOINTS, base), (_JOINTS, name)))
 
 
 class NumberLimits(NamedTuple):
@@ -90,13 +93,14 @@ class NumberLimits(NamedTuple):
 
 def fixed_limit(name: str, tolerances: Tolerances) -> Optional[float]:
     """Return the limit of a field that does not depend on its golden values; None where it does."""
-    if name.endswith(QUATERNION):
+    base = base_of(name)
+    if base.endswith(QUATERNION):
         return 0.5 * tolerances.tcp.orientation_rad
-    if name.endswith(AGE):
+    if base.endswith(AGE):
         return ms_to_s(tolerances.timing.jitter_ms)
-    if _PLACES.fullmatch(name):
-        return mm_to_m(tolerances.tcp.position_mm)
-    return tolerances.joints.position_rad if _JOINTS.fullmatch(name) else None
+    if _JOINTS.fullmatch(name) or _JOINTS.fullmatch(base):
+        return tolerances.joints.position_rad
+    return mm_to_m(tolerances.tcp.position_mm) if _PLACES.fullmatch(base) else None
 
 
 def number_limits(name: str, track: LongTrack, tolerances: Tolerances, is_sequence: bool) -> NumberLimits:
@@ -297,8 +301,9 @@ def _number_sequences(golden: Run, candidate: Run, topic: str, alignment: Alignm
 
 def is_number_sequence(topic: str, name: str, tolerances: Tolerances) -> bool:
     """Return whether a number of a topic on change is compared as a sequence."""
-    return (not name.endswith(AGE) and name not in tolerances.fields.get(topic, ())
-            and not tolerances.ignores_field(topic, name))
+    base = base_of(name)
+    return (not base.endswith(AGE) and base not in tolerances.fields.get(topic, ())
+            and not tolerances.ignores_field(topic, name) and not tolerances.ignores_field(topic, base))
 
 
 def _whole(track: LongTrack, name: str) -> Track:

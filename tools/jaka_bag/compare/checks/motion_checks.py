@@ -7,6 +7,7 @@ from ...messages.batch import Array
 from ...operations.thinning import MinMax
 from ...units import m_to_mm, mm_to_m, s_to_ms
 from ..matching.curve_distance import interpolated, lengths
+from ..runs.publishers import base_of
 from ..runs.run import LongTrack, Run, arm_of
 from ..tolerances import Envelope, FieldTolerance
 from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
@@ -362,7 +363,7 @@ class _NumbersWatch(MotionWatch):
         self._limits = [_least(envelope, float(limit)) for envelope, limit in zip(envelopes, limits.limits)]
         self._judges = [_Judge(Aspect.FIELDS, ours.topic, part, limit, "", 0.0, ours.names, frame.resolution * limit,
                                1.0, envelope) for part, limit, envelope in zip(names, self._limits, envelopes)]
-        if is_of_any_speed(name):
+        if is_of_any_speed(base_of(name)) and not (base_of(name) == "position" != name):  # a gripper is no arm
             self._watch_lateness(name)
 
     def _judge(self, samples: Samples) -> None:
@@ -412,8 +413,9 @@ def _add_field(topic: str, name: str, golden: Run, candidate: Run, frame: Frame,
                watches: List[MotionWatch]) -> None:
     """Add the watch of one field of numbers, or the check that it cannot be compared."""
     tolerances = frame.tolerances
-    rule = tolerances.fields.get(topic, {}).get(name)
-    if rule is None and tolerances.ignores_field(topic, name):
+    base = base_of(name)
+    rule = tolerances.fields.get(topic, {}).get(base)
+    if rule is None and (tolerances.ignores_field(topic, name) or tolerances.ignores_field(topic, base)):
         return
     ours, theirs = golden.fields.get(topic, {}).get(name), candidate.fields.get(topic, {}).get(name)
     if ours is None or theirs is None:

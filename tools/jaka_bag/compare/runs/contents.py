@@ -8,6 +8,7 @@ import numpy as np
 from ...messages.batch import Array
 from ...messages.columns import Columns
 from ...units import NS_PER_S
+from .publishers import by_length, name_of, spread
 from .run import Contents
 
 TRANSFORM_TYPES = ("tf2_msgs/TFMessage", "tf/tfMessage")
@@ -182,28 +183,13 @@ def _since_recording(column: Array, log_time: Array) -> Array:
 
 def _add_numbers(numbers: Numbers, name: str, column: Array, usual: Dict[str, int]) -> None:
     """Add a field, one track for each length that its arrays have; those without values have none."""
-    if column.dtype != object:
-        rows = column.reshape(len(column), -1).astype(float)
-        if rows.shape[1]:
-            numbers[_named(name, rows.shape[1], usual)] = (rows, None)
-        return
-    lengths = _lengths(column)
-    for length in np.unique(lengths[lengths > 0]).tolist():
-        which = np.flatnonzero(lengths == length)
-        numbers[_named(name, length, usual)] = _spread(
-            np.stack([column[i] for i in which.tolist()]).astype(float), which, len(column))
-
-
-def _spread(rows: Array, which: Array, count: int) -> Tuple[Array, Array]:
-    """Return rows at their places among all messages, and these places."""
-    value = np.full((count, rows.shape[1]), np.nan)
-    value[which] = rows
-    return value, which
+    for length, part in by_length(column).items():
+        numbers[_named(name, length, usual)] = part
 
 
 def _named(name: str, length: int, usual: Dict[str, int]) -> str:
     """Return the name of a track: that of the field for the length that was met first."""
-    return name if usual.setdefault(name, length) == length else "%s (of %d)" % (name, length)
+    return name if usual.setdefault(name, length) == length else name_of(name, str(length))
 
 
 def _join_quaternions(numbers: Numbers) -> None:
@@ -234,7 +220,7 @@ def _transforms(columns: Columns) -> Numbers:
         places, matrix = np.array(which), np.array(rows)
         for part, some in ((".translation", slice(0, 3)), (".rotation" + QUATERNION, slice(3, 7)),
                            (".header.stamp" + AGE, slice(7, 8))):
-            numbers[frame + part] = _spread(matrix[:, some], places, len(columns.log_time))
+            numbers[frame + part] = spread(matrix[:, some], places, len(columns.log_time))
     return numbers
 
 

@@ -5,7 +5,7 @@ has, how close samples lie) are needed from the first message on: they are taken
 log is read again where the rest of it differs. Rows are given in windows later on.
 """
 import weakref
-from typing import Callable, Container, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Callable, Container, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, MessageBatch, distinct
-from ...messages.columns import Columns, Part, columns_of
+from ...messages.columns import Columns, columns_of
+from ...messages.columns import Part as DecodedPart
 from ...messages.definitions import definition_md5
 from ...messages.encodings import described, types_of
 from ...messages.selection import Selection
@@ -25,6 +26,7 @@ from ...paths import PathLike
 from ...units import NS_PER_S
 from ..tolerances import Tolerances
 from .contents import AGE, NUMBERS, TRANSFORM_TYPES, Collector, Splitter, by_bytes
+from .publishers import Part, Publishers, by_length, main_one, matrix, name_of, publishers_of, spread
 from .run import Arrivals, Call, LongTrack, Run, Stream, Track
 from .track_facts import FactsBuilder, StateChanges
 from .windows import LogWindows, Rows, TrackKey, samples_of
@@ -36,6 +38,7 @@ _FRAME = "header.frame_id"
 _MD5SUMS = {JOINT_STATE: "3066dcd76a6cfaef579bd0f34173e9fd", TWIST_TYPE: "98d34b0043a2093cf9d9345ab6eef12e",
             POSE_TYPE: "d3812c3cbc69362b77dc0b19b345f8f5"}
 _SCANS = 4
+_MORE_OF_JOINTS = ("velocity", "effort")
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
 
@@ -44,27 +47,9 @@ def _stamps(columns: Columns) -> Optional[Array]:
     return None if stamps is None or stamps.dtype == object or stamps.ndim != 1 else stamps
 
 
-def _matrix(column: Array, width: Optional[int]) -> Tuple[Array, Optional[Array], Dict[int, int]]:
-    """Return an array field as (n, width), the rows that have this length (None: all), and the number of rows by
-    length.
-
-    Where ``width`` is None, it is the length that most rows have.
-    """
-    if column.dtype != object and width in (None, column.shape[1]):
-        return column.astype(float), None, {column.shape[1]: len(column)}
-    lengths = np.array([len(row) for row in column], np.int64)
-    counts = np.bincount(lengths)
-    usual = int(counts.argmax()) if width is None else width
-    value = np.full((len(column), usual), np.nan)
-    rows = np.flatnonzero(lengths == usual)
-    if len(rows):
-        value[rows] = np.stack([column[i] for i in rows.tolist()])
-    return value, rows, {length: count for length, count in enumerate(counts.tolist()) if count}
-
-
-def _joint_names(columns: Columns, count: int) -> Sequence[str]:
+def _joint_names(columns: Columns, count: int, row: int) -> Sequence[str]:
     names = columns.fields["name"]
-    texts = [_text(name) for name in (names[0] if len(names) else ())]
+    texts = [_text(name) for name in (names[row] if len(names) else ())]
     return texts if len(texts) == count else ["joint_%d" % (i + 1) for i in range(count)]
 
 
@@ -86,12 +71,14 @@ def _raw(value: Array) -> bytes:
 class _Assumed(NamedTuple):
     """The assumptions for the reading of a log, by topic or track; one that is missing is taken from the first part.
 
-    ``lengths`` is of arrays, ``reach`` the number of samples to either side over which speeds are taken.
+    ``lengths`` is of arrays, ``reach`` the number of samples to either side over which speeds are taken, ``publisher``
+    the one whose joints are the topic's own.
     """
 
     is_stamped: Dict[str, bool]
     lengths: Dict[TrackKey, int]
     reach: Dict[TrackKey, int]
+    publisher: Dict[str, str]
 
 
 class _Scan:
@@ -102,6 +89,7 @@ class _Scan:
         self.stamped: Set[str] = set()
         self.has_stamps: Set[str] = set()
         self.lengths: Dict[TrackKey, Dict[int, int]] = {}
+        self.publishers: Dict[str, Dict[str, int]] = {}
         self.frames: Dict[str, Set[str]] = {}
         self.calls: List[Call] = []
         self.contents: Dict[str, Collector] = {}
@@ -139,7 +127,9 @@ class _Loader:
         for topic in decoded:
             self._restrict(topic)
         self._names: Dict[str, Tuple[str, ...]] = {}
-        self._assumed = _Assumed({}, {}, {})
+        self._assumed = _Assumed({}, {}, {}, {})
+        self._widths: Dict[str, Dict[str, int]] = {}
+        self._usual: Dict[str, Dict[str, int]] = {}
         self._scan: Optional[_Scan] = None
         self._parts = chunk_groups([chunk for chunk in reader.chunks if self._is_wanted(chunk)])
         spans = [(min(chunk.start_time for chunk in part), max(chunk.end_time for chunk in part))
@@ -203,7 +193,7 @@ class _Loader:
 
     def _decode(self, number: int) -> Dict[str, Rows]:
         """Return the rows of a part of the log, by topic."""
-        found: Dict[str, List[Part]] = {}
+        found: Dict[str, List[DecodedPart]] = {}
         times: Dict[str, List[Array]] = {}
         for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
             for topic, some in decoded.items():
@@ -230,8 +220,8 @@ class _Loader:
                 self._scan.contents.setdefault(self._timed[number], Collector()).add(
                     self._seconds(some.log_time), by_bytes(payloads))
 
-    def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, Part], Dict[str, Array]]:
-        decoded: Dict[str, Part] = {}
+    def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, DecodedPart], Dict[str, Array]]:
+        decoded: Dict[str, DecodedPart] = {}
         timed: Dict[str, List[Array]] = {}
         numbers = chunk.counts or range(len(self._reader.connections))
         if self._columns is not None and any(number in self._decoded for number in numbers):
@@ -262,15 +252,17 @@ class _Loader:
         stamp = None if stamps is None else self._seconds(stamps)
         arrivals = Arrivals(log_time, stamp, None if sequence is None or sequence.dtype == object
                             else sequence.astype(np.int64))
-        values: Dict[str, Tuple[Array, Optional[Array]]] = {}
-        for name in self._tolerances.fields.get(topic, ()):
-            values[name] = self._further_field(topic, columns, name)
+        values: Dict[str, Part] = {}
         kind = self._kind(topic)
-        if kind == JOINT_STATE:
-            values[""] = self._array((topic, ""), fields["position"])
-            if topic not in self._names:
-                self._names[topic] = tuple(_joint_names(columns, values[""][0].shape[1]))
-                if not self._with_contents:
+        them = self._publishers(topic, columns) if kind == JOINT_STATE else None
+        for name in self._tolerances.fields.get(topic, ()):
+            values.update(self._further_field(topic, columns, name, them))
+        if them is not None:
+            values.update(self._joints(topic, them, fields["position"]))
+            if topic not in self._names and "" in values:
+                row = 0 if values[""][1] is None else int(values[""][1][0])
+                self._names[topic] = tuple(_joint_names(columns, values[""][0].shape[1], row))
+                if not self._with_contents and len(them.labels) == 1:
                     self._fields[topic] = {*_HEADER_FIELDS, "position", *self._tolerances.fields.get(topic, ())}
         elif kind in _POSE_PARTS:
             poses = tool_poses(columns)
@@ -287,11 +279,11 @@ class _Loader:
         elif kind == CALL_TYPE and scan is not None:
             scan.calls += self._calls(topic, columns, log_time if stamp is None else stamp)
         if self._with_contents:
-            self._add_contents(topic, columns, log_time if stamp is None else stamp, values)
+            self._add_contents(topic, columns, log_time if stamp is None else stamp, values, them)
         return Rows(arrivals, log_time if stamp is None else stamp, values)
 
     def _add_contents(self, topic: str, columns: Columns, time: Array,
-                      values: Dict[str, Tuple[Array, Optional[Array]]]) -> None:
+                      values: Dict[str, Part], them: Optional[Publishers]) -> None:
         """Add the numbers of fields that nothing else compares to ``values``, the other fields to the scan."""
         kind, reader = self._kind(topic), self._columns
         assert reader is not None
@@ -304,6 +296,7 @@ class _Loader:
             known.update((name, "" if name == "caller" else "calls") for name in columns.fields if name != _FRAME)
         elif kind == JOINT_STATE:
             known["position"] = "joints"
+            known.update(dict.fromkeys(_MORE_OF_JOINTS, NUMBERS))
         elif kind in STATE_TYPES:
             known.update(dict.fromkeys(self._names[topic], "states"))
         elif kind in _POSE_PARTS and "" in values:
@@ -314,6 +307,9 @@ class _Loader:
         split = self._splitters[topic].split(columns, types, known)
         if kind == CALL_TYPE:
             split = split._replace(handled={**known, **split.handled})
+        for name in _MORE_OF_JOINTS:
+            if them is not None and name in columns.fields and name not in self._tolerances.fields.get(topic, ()):
+                split.numbers.update(self._by_publisher(topic, them, name, columns.fields[name]))
         for name, (value, which) in split.numbers.items():
             values[name] = (value, which)
             self._assumed.lengths.setdefault((topic, name), value.shape[1])
@@ -321,7 +317,7 @@ class _Loader:
             self._scan.contents.setdefault(topic, Collector()).add(time, split)
 
     def _array(self, key: TrackKey, column: Array) -> Tuple[Array, Optional[Array]]:
-        value, rows, lengths = _matrix(column, self._assumed.lengths.get(key))
+        value, rows, lengths = matrix(column, self._assumed.lengths.get(key))
         self._assumed.lengths.setdefault(key, value.shape[1])
         if self._scan is not None:
             known = self._scan.lengths.setdefault(key, {})
@@ -329,13 +325,71 @@ class _Loader:
                 known[length] = known.get(length, 0) + count
         return value, rows
 
-    def _further_field(self, topic: str, columns: Columns, name: str) -> Tuple[Array, Optional[Array]]:
+    def _further_field(self, topic: str, columns: Columns, name: str, them: Optional[Publishers]) -> Dict[str, Part]:
+        """Return the tracks of a field that has a tolerance of its own, by name."""
         column = columns.fields.get(name)
         if column is None or column.dtype.kind not in "biufO":
             raise BagError("%s: %s has no numeric field %s" % (self._reader.path, topic, name))
-        value, rows = self._array((topic, name),
-                                  column if column.ndim == 2 or column.dtype == object else column[:, None])
-        return value, rows
+        column = column if column.ndim == 2 or column.dtype == object else column[:, None]
+        if them is not None:
+            self._assumed.lengths.setdefault((topic, name), 0)
+            found = self._by_publisher(topic, them, name, column)
+            return found if found else {name: (np.zeros((len(column), 0)), None)}
+        found = {name: self._array((topic, name), column)}
+        width = self._assumed.lengths[topic, name]
+        for length, part in by_length(column).items() if column.dtype == object else ():
+            if length != width:
+                found[name_of(name, str(length))] = part
+                self._assumed.lengths[topic, name_of(name, str(length))] = length
+        return found
+
+    def _publishers(self, topic: str, columns: Columns) -> Publishers:
+        """Return the publishers of a topic of joints; add them to the scan."""
+        position, main = columns.fields["position"], self._assumed.publisher.get(topic)
+        them = publishers_of(position, columns.fields.get("name"),
+                             None if main is None else (main, self._assumed.lengths.get((topic, ""), -1)))
+        counts = dict(zip(them.labels, np.bincount(them.number, minlength=len(them.labels)).tolist()))
+        widths = self._widths.setdefault(topic, {})
+        for place, label in enumerate(them.labels):
+            if label not in widths:
+                widths[label] = len(position[int(np.argmax(them.number == place))])
+        if main is None:
+            self._assumed.publisher[topic] = main_one(counts, widths)
+        if self._scan is not None:
+            known = self._scan.publishers.setdefault(topic, {})
+            for label, count in counts.items():
+                known[label] = known.get(label, 0) + count
+        return them
+
+    def _joints(self, topic: str, them: Publishers, position: Array) -> Dict[str, Part]:
+        """Return the positions of each publisher by the name of its track: empty for that of the topic's own joints."""
+        found: Dict[str, Part] = {}
+        for place, label in enumerate(them.labels):
+            rows = them.rows(place)
+            some = position if rows is None else position[rows]
+            value = np.stack(list(some)).astype(float) if some.dtype == object else some.astype(float)
+            is_own = label == self._assumed.publisher[topic]
+            name = "" if is_own else name_of("position", label)
+            if is_own or value.shape[1]:
+                found[name] = (value, None) if rows is None else spread(value, rows, len(position))
+                self._assumed.lengths[topic, name] = value.shape[1]
+        return found
+
+    def _by_publisher(self, topic: str, them: Publishers, name: str, column: Array) -> Dict[str, Part]:
+        """Return a field beside joints, one track for each publisher, and for each length that its arrays have."""
+        found: Dict[str, Part] = {}
+        usual = self._usual.setdefault(topic, {})
+        for place, label in enumerate(them.labels):
+            rows = them.rows(place)
+            base = name if label == self._assumed.publisher[topic] else name_of(name, label)
+            for length, (value, which) in by_length(column if rows is None else column[rows]).items():
+                track = base if usual.setdefault(base, length) == length else name_of(base, str(length))
+                if rows is not None:
+                    value, which = spread(value if which is None else value[which],
+                                          rows if which is None else rows[which], len(column))
+                found[track] = (value, which)
+                self._assumed.lengths[topic, track] = length
+        return found
 
     def _calls(self, topic: str, columns: Columns, starts: Array) -> List[Call]:
         fields = columns.fields
@@ -381,9 +435,15 @@ class _Loader:
             further = {name for place, name in {*scan.facts, *scan.unordered} if place == topic and name}
             further.update(self._tolerances.fields.get(topic, ()) if self._is_decoded(topic) else ())
             if further:
-                run.fields[topic] = {name: self._long_track(scan, (topic, name)) for name in sorted(further)}
+                run.fields[topic] = {}
+                for name in sorted(further):
+                    title = self._title(topic, name, further)
+                    run.fields[topic][title] = self._long_track(scan, (topic, name), (), title)
             if topic in scan.contents:
-                run.contents[topic] = scan.contents[topic].contents(self._splitters[topic])
+                found = scan.contents[topic].contents(self._splitters[topic])
+                # names and lengths go to and fro with the publishers, of which each has tracks of its own
+                run.contents[topic] = found if len(scan.publishers.get(topic, ())) < 2 else found.without(
+                    [name for name in found.names if name == "name" or name.endswith(" (length)")])
         return run
 
     def _restrict_to_tracks(self, scan: _Scan) -> None:
@@ -395,7 +455,8 @@ class _Loader:
                 continue
             again = [name for name, how in handled.items()
                      if how in ("joints", "tool poses", "states", "calls", NUMBERS, AGE)]
-            self._fields[topic] = {*_HEADER_FIELDS, *self._tolerances.fields.get(topic, ()), *again}
+            names = ("name",) if len(scan.publishers.get(topic, ())) > 1 else ()
+            self._fields[topic] = {*_HEADER_FIELDS, *names, *self._tolerances.fields.get(topic, ()), *again}
 
     @property
     def needs_file(self) -> bool:
@@ -447,8 +508,16 @@ class _Loader:
             is_stamped = topic in scan.stamped
             is_right &= self._assumed.is_stamped[topic] == is_stamped
             self._assumed.is_stamped[topic] = is_stamped
+        for topic, publishers in scan.publishers.items():
+            main = main_one(publishers, self._widths[topic])
+            if self._assumed.publisher[topic] != main:
+                is_right = False
+                self._assumed.publisher[topic] = main
+                self._names.pop(topic, None)
+                self._restrict(topic)
         for key, counts in scan.lengths.items():
-            usual = min(counts, key=lambda length: (-counts[length], length))
+            usual = int(main_one({str(length): count for length, count in counts.items()},
+                                 {str(length): length for length in counts}))
             is_right &= self._assumed.lengths[key] == usual
             if self._assumed.lengths[key] != usual:
                 self._names.pop(key[0], None)
@@ -456,8 +525,15 @@ class _Loader:
             self._assumed.lengths[key] = usual
         return is_right
 
-    def _long_track(self, scan: _Scan, key: TrackKey, frames: Tuple[str, ...] = ()) -> LongTrack:
-        names = (key[1],) * self._assumed.lengths[key] if key[1] else self._names[key[0]]
+    def _title(self, topic: str, name: str, tracks: Iterable[str]) -> str:
+        """Return the name of a track: with its length where there are others, as any of them may come first."""
+        is_one_of_several = any(other.startswith(name_of(name, "")[:-1]) for other in tracks)
+        if not is_one_of_several or self._kind(topic) == JOINT_STATE or name in self._tolerances.fields.get(topic, ()):
+            return name
+        return name_of(name, str(self._assumed.lengths[topic, name]))
+
+    def _long_track(self, scan: _Scan, key: TrackKey, frames: Tuple[str, ...] = (), title: str = "") -> LongTrack:
+        names = (title or key[1],) * self._assumed.lengths[key] if key[1] else self._names[key[0]]
         windows = self._windows.windows()
         between = self._windows.reader(key, names, frames)
         builder = self._facts_builder(scan, key)

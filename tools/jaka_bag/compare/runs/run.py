@@ -3,7 +3,7 @@
 Joints, poses and times of messages may be too many to be kept: they are read in windows of time, again and again.
 """
 from dataclasses import dataclass, field, replace
-from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Callable, Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -196,6 +196,11 @@ class Contents(NamedTuple):
     labels: Dict[str, Dict[int, str]]
     repeats: int
     handled: Dict[str, str]
+
+    def without(self, names: Collection[str]) -> "Contents":
+        """Return the contents without some of their sequences."""
+        kept = [column for column, name in enumerate(self.names) if name not in names]
+        return self._replace(names=tuple(self.names[column] for column in kept), value=self.value[:, kept])
 
     def track(self, topic: str) -> Track:
         """Return the sequences as a track."""

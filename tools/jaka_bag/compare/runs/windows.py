@@ -193,6 +193,8 @@ class LogWindows:
         for rows in self._rows(numbers, topic):
             is_stamped = rows.arrivals.stamp is not None
             time, value = samples_of(rows, field)
+            if not len(time):
+                continue
             part = slice(*np.searchsorted(time, (begin, end)).tolist())
             times.append(time[part])
             values.append(value[part])
@@ -218,6 +220,8 @@ class LogWindows:
 
 def samples_of(rows: Rows, field: str) -> Tuple[Array, Array]:
     """Return times, s, ascending, and values of one track of some rows; without rows that hold no sample."""
+    if field not in rows.values:  # of a publisher, a frame or a length of arrays that this part does not have
+        return np.zeros(0), np.zeros((0, 0))
     value, which = rows.values[field]
     time = rows.time
     if which is not None:
