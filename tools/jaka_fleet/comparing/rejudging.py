@@ -16,6 +16,7 @@ from jaka_bag.compare.checks.motion_checks import ONE_MOTION
 from jaka_bag.compare.checks.timing_checks import allowed_pace
 from jaka_bag.compare.comparison import scaled
 from jaka_bag.compare.matching.course import left_by
+from jaka_bag.compare.runs.publishers import base_of
 from jaka_bag.compare.tolerances import Tolerances
 from jaka_bag.compare.verdict import Aspect, Outcome
 from jaka_bag.units import m_to_mm, mm_to_m
@@ -136,8 +137,9 @@ def _sample_limits(check: CheckOutcome, limits: Tolerances) -> Tuple[float, floa
         return mm_to_m(limits.tcp.position_mm) * m_to_mm(1.0), limits.tcp.outside_percent, "mm"
     if check.aspect == Aspect.ORIENTATION.value:
         return limits.tcp.orientation_rad, limits.tcp.outside_percent, "rad"
-    rule = limits.fields.get(check.topic, {}).get(check.field)
-    fixed = fixed_limit(re.sub(r"\[\d+\]$", "", check.field), limits)
+    name = re.sub(r"\[\d+\]$", "", check.field)
+    rule = limits.fields.get(check.topic, {}).get(base_of(name))
+    fixed = fixed_limit(name, limits)
     return rule.absolute if rule is not None else check.limit or 0.0 if fixed is None else fixed, 0.0, ""
 
 

@@ -327,12 +327,14 @@ def _levels(ours: Array, theirs: Array, limit: float) -> Tuple[Tuple[Array, Arra
             levels.append(value)
     known = np.array(levels)
     own = np.unique(theirs[np.isfinite(theirs)])
-    names: Dict[int, str] = {_NO_NUMBER: "nan"}
+    names: Dict[int, str] = {}
 
     def keyed(values: Array) -> Array:
         keys = np.full(len(values), _NO_NUMBER, np.int64)
         for i, value in enumerate(values.tolist()):
             if not np.isfinite(value):
+                keys[i] = _NO_NUMBER - int(np.isposinf(value)) - 2 * int(np.isneginf(value))
+                names.setdefault(int(keys[i]), str(value))
                 continue
             below = int(np.searchsorted(known, value, "right")) - 1
             if below >= 0 and value - known[below] <= limit:

@@ -1,5 +1,5 @@
 """Joints, positions, orientations and further fields, sample by sample, a window of both logs at a time."""
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -7,12 +7,14 @@ from ...messages.batch import Array
 from ...operations.thinning import MinMax
 from ...units import m_to_mm, mm_to_m, s_to_ms
 from ..matching.curve_distance import interpolated, lengths
+from ..runs.contents import QUATERNION
 from ..runs.publishers import base_of
 from ..runs.run import LongTrack, Run, arm_of
 from ..tolerances import Envelope, FieldTolerance
 from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
 from .aligned_samples import AlignedSamples, Convert, Frame, Samples, as_they_are
 from .content_checks import NumberLimits, is_of_any_speed, number_limits
+from .not_numbers import NotNumbers, columns_of, has_not_numbers, without_columns
 from .rotation_angles import continuous, quaternions
 
 RESOLUTION = 0.3
@@ -187,7 +189,8 @@ class MotionWatch:
         self._aligned = AlignedSamples(ours, theirs, frame, convert)
         self._staleness: Optional[_Staleness] = None
         self._stale_name = ""
-        self._bad: List[Array] = []
+        self._bad = NotNumbers()
+        self._is_part = False
         self.before: List[Check] = []
 
     def take(self, begin: float, end: float) -> None:
@@ -195,7 +198,7 @@ class MotionWatch:
         block = self._theirs.between(begin, end)
         good = np.isfinite(block.value).all(axis=1)
         if not good.all():
-            self._bad.append(block.time[~good])
+            self._bad.add(block.time[~good], block.value[~good])
         self._take(self._aligned.samples(block, good))
 
     def _take(self, samples: Optional[Samples]) -> None:
@@ -203,6 +206,13 @@ class MotionWatch:
             if self._staleness is not None:
                 self._staleness.take(samples)
             self._judge(samples)
+
+    def as_part(self) -> "MotionWatch":
+        """Leave to another watch what is about whole samples: when they are there, how late, and what is no number."""
+        self._is_part = True
+        self._staleness = None
+        self.before = []
+        return self
 
     def _watch_lateness(self, field: str = "") -> None:
         self._staleness = _Staleness(arm_of(self._ours.topic, self._frame.arms), self._frame)
@@ -224,6 +234,8 @@ class MotionWatch:
     def _reach_checks(self) -> List[Check]:
         """Return the check that both tracks have samples at the same times, where they do not."""
         frame, (begin, end) = self._frame, self._frame.common
+        if self._is_part:
+            return []
         self._aligned.finish()
         slack = frame.tolerances.timing.event_s
         name = self._ours.names[0] if self._aspect is Aspect.FIELDS else self._aspect.value
@@ -234,21 +246,23 @@ class MotionWatch:
         """Return the checks that the policy for values that are not finite demands."""
         ours, theirs, frame = self._ours, self._theirs, self._frame
         policy = frame.tolerances.nan
-        if policy == "ignore" or (ours.facts.count == ours.facts.finite_count
-                                  and theirs.facts.count == theirs.facts.finite_count):
+        if policy == "ignore" or self._is_part or not has_not_numbers(ours, theirs):
             return []
-        blocks = ours.blocks() if ours.facts.count != ours.facts.finite_count else ()
-        bad_g = np.concatenate([np.zeros(0)] + [block.time[~np.isfinite(block.value).all(axis=1)] for block in blocks])
-        bad_c = np.concatenate([np.zeros(0), *self._bad])
-        at = frame.alignment.golden_time(arm_of(ours.topic, frame.arms), bad_c)
+        bad = NotNumbers()
+        for block in ours.blocks() if has_not_numbers(ours) else ():
+            good = np.isfinite(block.value).all(axis=1)
+            bad.add(block.time[~good], block.value[~good])
+
+        def golden_time(times: Array) -> Array:
+            return frame.alignment.golden_time(arm_of(ours.topic, frame.arms), times)
+
         if policy == "fail":
-            wrong, words = at, "%d samples are not numbers"
+            wrong, words = golden_time(self._bad.all_times()), "%d samples are not numbers"
         else:
-            reach = frame.jitter_s + 0.01
-            wrong = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
-            words = "%d samples are not numbers in one of the logs only"
+            wrong = bad.beside(self._bad, golden_time, frame.jitter_s + 0.01)
+            words = "%d samples are not numbers, or not alike, in one of the logs only"
         return [equal(self._aspect, ours.topic, "NaN", not len(wrong), words % len(wrong),
-                      float(wrong.min()) if len(wrong) else None, str(len(bad_g)), str(len(bad_c)))]
+                      float(wrong.min()) if len(wrong) else None, str(bad.count), str(self._bad.count))]
 
 
 def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
@@ -256,10 +270,25 @@ def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
     return checks[:1] if all(check.measured is None for check in checks) else checks
 
 
-def _near(times: Array, others: Array, reach: float) -> Array:
-    """Return whether one of ``others``, ascending, is within ``reach`` of each time."""
-    near: Array = np.searchsorted(others, times - reach) < np.searchsorted(others, times + reach, "right")
-    return near
+class _NotNumbersWatch(MotionWatch):
+    """What is no number in a track, and how late its samples are; ``_column_watches`` are about its values."""
+
+    def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
+                 late: Optional[str] = None) -> None:
+        super().__init__(aspect, ours, theirs, frame)
+        if late is not None:
+            self._watch_lateness(late)
+
+    def with_checks(self, before: List[Check]) -> "MotionWatch":
+        """Take over the checks that were made before all windows."""
+        self.before = before
+        return self
+
+    def _judge(self, samples: Samples) -> None:
+        pass
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return []
 
 
 class _JointWatch(MotionWatch):
@@ -290,8 +319,9 @@ def _angles(chords: Array) -> Array:
 
 
 class _PoseWatch(MotionWatch):
-    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, halves: slice = slice(None)) -> None:
         super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
+        self._halves = halves
         limits = frame.tolerances.tcp
         place, turn = frame.envelope(ours.topic, "position"), frame.envelope(ours.topic, "orientation")
         self._limits = (_least(place, mm_to_m(limits.position_mm), m_to_mm(1.0)),
@@ -318,14 +348,15 @@ class _PoseWatch(MotionWatch):
         self._turned.take(_angles(chord), 2.0 * lengths(turned.allowed), turned)
 
     def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
-        return [self._placed.check(residuals), self._turned.check(residuals)]
+        judges = [self._placed, self._turned][self._halves]
+        return [judge.check(residuals) for judge in judges]
 
 
 class _FieldWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, rule: FieldTolerance, frame: Frame) -> None:
         super().__init__(Aspect.FIELDS, ours, theirs, frame)
         self._rule = rule
-        envelope = frame.envelope(ours.topic, name)
+        envelope = frame.envelope(ours.topic, name) or frame.envelope(ours.topic, name.partition("[")[0])
         self._limit = _least(envelope, rule.absolute)
         self._only = _Judge(Aspect.FIELDS, ours.topic, name, self._limit, "", 0.0, ours.names,
                             frame.resolution * self._limit, 1.0, envelope)
@@ -363,7 +394,7 @@ class _NumbersWatch(MotionWatch):
         self._limits = [_least(envelope, float(limit)) for envelope, limit in zip(envelopes, limits.limits)]
         self._judges = [_Judge(Aspect.FIELDS, ours.topic, part, limit, "", 0.0, ours.names, frame.resolution * limit,
                                1.0, envelope) for part, limit, envelope in zip(names, self._limits, envelopes)]
-        if is_of_any_speed(base_of(name)) and not (base_of(name) == "position" != name):  # a gripper is no arm
+        if _is_watched_for_lateness(name):
             self._watch_lateness(name)
 
     def _judge(self, samples: Samples) -> None:
@@ -381,6 +412,56 @@ class _NumbersWatch(MotionWatch):
         return [judge.check(residuals) for judge in self._judges]
 
 
+def _is_watched_for_lateness(name: str) -> bool:
+    """Return whether numbers move with an arm: not those of a second publisher of joints, such as a gripper."""
+    base = base_of(name)
+    return is_of_any_speed(base) and (base != "position" or base == name)
+
+
+def _part(name: str, number: Optional[int], track: LongTrack) -> str:
+    """Return the name of one column of a field; without a number that of all."""
+    return name if number is None or len(track.names) == 1 else "%s[%d]" % (name, number)
+
+
+def _watches(aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame, late: Optional[str],
+             watch: Callable[[LongTrack, LongTrack, Optional[int]], MotionWatch]) -> List[MotionWatch]:
+    """Return the watch of a track; where some values are no numbers one for each column, and one for the whole.
+
+    Args:
+        aspect: Kind of the checks.
+        ours: The golden track.
+        theirs: The candidate's.
+        frame: The context.
+        late: Name for the lateness of the whole; None where it is not watched.
+        watch: Returns the watch of two tracks, which are all columns or the one of a number.
+    """
+    if not has_not_numbers(ours, theirs):
+        return [watch(ours, theirs, None)]
+    found: List[MotionWatch] = [_NotNumbersWatch(aspect, ours, theirs, frame, late)]
+    for number, (one, other) in enumerate(zip(columns_of(ours), columns_of(theirs))):
+        if min(one.facts.finite_count, other.facts.finite_count) > 0:
+            found.append(watch(one, other, number).as_part())
+    return found
+
+
+def _pose_watches(ours: LongTrack, theirs: LongTrack, frame: Frame) -> List[MotionWatch]:
+    """Return the watch of a pose; where some values are no numbers those of position, its axes and orientation."""
+    whole = _PoseWatch(ours, theirs, frame)
+    if not has_not_numbers(ours, theirs):
+        return [whole]
+    found: List[MotionWatch] = []
+    for half, other in enumerate((slice(3, 6), slice(0, 3))):
+        one, two = without_columns(ours, other), without_columns(theirs, other)
+        if min(one.facts.finite_count, two.facts.finite_count) > 0:
+            found.append(_PoseWatch(one, two, frame, slice(half, half + 1)).as_part())
+    limit = frame.tolerances.tcp.position_mm
+    for axis, one, two in zip("xyz", columns_of(ours), columns_of(theirs)):
+        if min(one.facts.finite_count, two.facts.finite_count) > 0:
+            found.append(_NumbersWatch(one, two, "position." + axis, NumberLimits(np.array([mm_to_m(limit)]), False),
+                                       frame).as_part())
+    return [_NotNumbersWatch(Aspect.POSITION, ours, theirs, frame, "").with_checks(whole.before), *found]
+
+
 def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
     """Return the watches for joints, tool poses and further fields, and the checks of those that cannot be compared.
 
@@ -396,13 +477,14 @@ def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Chec
             checks.append(equal(Aspect.JOINTS, topic, "names", False, "the joints are not the same", None,
                                 " ".join(ours.names), " ".join(theirs.names)))
         else:
-            watches.append(_JointWatch(ours, theirs, frame))
+            watches += _watches(Aspect.JOINTS, ours, theirs, frame, "", lambda one, other, number: _JointWatch(
+                one, other, frame))
     for topic, ours in golden.poses.items():
         theirs = candidate.poses.get(topic)
         if theirs is None:
             checks.append(_nothing_common(Aspect.POSITION, topic))
         else:
-            watches.append(_PoseWatch(ours, theirs, frame))
+            watches += _pose_watches(ours, theirs, frame)
     for topic in golden.streams:
         for name in sorted({*golden.fields.get(topic, ()), *candidate.fields.get(topic, ())}):
             _add_field(topic, name, golden, candidate, frame, checks, watches)
@@ -424,14 +506,24 @@ def _add_field(topic: str, name: str, golden: Run, candidate: Run, frame: Frame,
     elif len(ours.names) != len(theirs.names):
         checks.append(equal(Aspect.FIELDS, topic, name, False, "the candidate has another number of values"))
     elif rule is not None:
-        watches.append(_FieldWatch(ours, theirs, name, rule, frame))
+        with_rule = rule
+        watches += _watches(Aspect.FIELDS, ours, theirs, frame, None, lambda one, other, number: _FieldWatch(
+            one, other, _part(name, number, ours), with_rule, frame))
     elif topic in frame.on_change:
         pass  # compared as a sequence
     elif frame.time_scale != 1.0 and not is_of_any_speed(name):
         checks.append(not_compared(Aspect.FIELDS, topic, name, "numbers may change with speed: the candidate ran %g "
                                                                "times faster" % frame.time_scale))
     else:
-        watches.append(_NumbersWatch(ours, theirs, name, number_limits(name, ours, tolerances, False), frame))
+        whole = number_limits(name, ours, tolerances, False) if not has_not_numbers(ours, theirs) \
+            or name.endswith(QUATERNION) else None
+        if whole is not None and whole.is_quaternion and max(ours.facts.finite_count, theirs.facts.finite_count) > 0:
+            watches.append(_NumbersWatch(ours, theirs, name, whole, frame))
+        else:
+            late = name if _is_watched_for_lateness(name) else None
+            watches += _watches(Aspect.FIELDS, ours, theirs, frame, late, lambda one, other, number: _NumbersWatch(
+                one, other, _part(name, number, ours), number_limits(name, one, tolerances, False)
+                if whole is None else whole, frame))
 
 
 def _nothing_common(aspect: Aspect, topic: str) -> Check:
