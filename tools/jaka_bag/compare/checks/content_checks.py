@@ -19,6 +19,7 @@ from ..runs.run import Contents, LongTrack, Run, Stream, Track
 from ..tolerances import ContentTolerance, StateTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged
 from .state_checks import field_checks, in_common, note_lengths, state_runs
+from .timing_checks import LATCHED_S
 
 _PLACES = re.compile(r"(.*[. ])?(position|translation)(\.[xyz])?")
 _JOINTS = re.compile(r"(.*\.)?positions|position \(of .*\)")
@@ -33,6 +34,10 @@ _SHARE_OFF, _SHARE_SPREADS = 0.25, 4.0
 _MOST_NOISE = 0.5
 _NO_NUMBER = -1
 _NEW_LEVEL = 1 << 32
+_SPARSE = 4.0
+"""Messages that repeat each other have times to compare where they are so many limits apart, on average."""
+_NO_MESSAGE, _NO_MESSAGE_NAME = -1 << 80, "no message yet"
+"""What no value of 64 bits is, and no alarm."""
 
 
 class Counts(NamedTuple):
@@ -174,10 +179,50 @@ def content_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances
                     checks.append(equal(Aspect.CONTENTS, topic, name, False, "only one of the logs has such a field"))
                 continue
             checks += _sequence_checks(topic, name, ours, theirs, alignment.lag, spans, limits, tolerances,
-                                       len(golden.streams[topic]), course, counts.get(topic))
-    for topic in on_change:
-        checks += _number_sequences(golden, candidate, topic, alignment, tolerances)
+                                       len(golden.streams[topic]), course, counts.get(topic), on_change.get(topic) == 0)
+    for topic, slack in on_change.items():
+        checks += _number_sequences(golden, candidate, topic, alignment, tolerances, slack == 0)
+        if slack == 0:
+            checks += _arrival_checks(golden, candidate, topic, alignment.lag, tolerances.states.timing_s)
     return checks
+
+
+def _arrival_checks(golden: Run, candidate: Run, topic: str, lag: float, limit: float) -> List[Check]:
+    """Check when the few messages of a topic without a period come, where both logs have as many at the same time."""
+    begin, end = max(0.0, -lag) - limit, min(golden.duration, candidate.duration - lag) + limit
+    times, others = (run.streams[topic].between(-np.inf, np.inf).log_time - shift
+                     for run, shift in ((golden, 0.0), (candidate, lag)))
+    times, others = (some[(some >= begin) & (some <= end)] for some in (times, others))
+    if len(times) != len(others) or len(times) * _SPARSE * limit > end - begin:
+        return []
+    latched = int((times <= LATCHED_S).sum())
+    if latched == int((others + lag <= LATCHED_S).sum()):
+        times, others = times[latched:], others[latched:]
+    if not len(times):
+        return []
+    off, at = max((float(np.abs(others - time).min()), float(time)) for time in times)
+    new, late = max((float(np.abs(times - time).min()), float(time)) for time in others)
+    words = "no message comes within %.3f s of the one at %.2f s" % (off, at) if off >= new else \
+        "the message at %.2f s is %.3f s from all golden ones" % (late, new)
+    return [judged(Aspect.CONTENTS, topic, "message timing", max(off, new), limit, "s",
+                   "%d messages; %s" % (len(times), words), at if off >= new else late)]
+
+
+def _with_begin(ours: List[StateRun], theirs: List[StateRun], lag: float,
+                limit: float) -> Tuple[List[StateRun], List[StateRun]]:
+    """Return runs that begin with "no message yet", where the first message tells when something happened.
+
+    Messages at the begin of a recording may be latched; those before it the other recording does not have.
+    """
+    if not ours or not theirs:
+        return ours, theirs
+    begin = max(0.0, -lag)
+    after = ours[0].start - begin, theirs[0].start - lag - begin
+    if max(after) <= LATCHED_S or min(after) < -limit:
+        return ours, theirs
+    some, others = ([StateRun(_NO_MESSAGE, start, runs[0].start), *runs] if runs[0].start > start else runs
+                    for runs, start in ((ours, begin), (theirs, begin + lag)))
+    return some, others
 
 
 def _repeat_check(topic: str, ours: Contents, theirs: Contents, count: int, slack: int,
@@ -190,12 +235,14 @@ def _repeat_check(topic: str, ours: Contents, theirs: Contents, count: int, slac
 
 
 def _name_of(ours: Dict[int, str], theirs: Dict[int, str], value: int) -> str:
+    if value == _NO_MESSAGE:
+        return _NO_MESSAGE_NAME
     return ours.get(value) or theirs.get(value) or str(value)
 
 
 def _sequence_checks(topic: str, name: str, ours: Contents, theirs: Contents, lag: float, spans: Tuple[float, float],
                      limits: StateTolerance, tolerances: Tolerances, count: int, course: Course,
-                     common: Optional[Counts]) -> List[Check]:
+                     common: Optional[Counts], has_begin: bool) -> List[Check]:
     tracks = [some.track(topic) for some in (ours, theirs)]
     columns = [some.names.index(name) for some in (ours, theirs)]
     changes = int((np.diff(tracks[0].value[:, columns[0]]) != 0).sum())
@@ -205,6 +252,8 @@ def _sequence_checks(topic: str, name: str, ours: Contents, theirs: Contents, la
     if _GOAL_STATUSES.fullmatch(name):
         golden, candidate = (_without_brief_pending(runs, some.labels.get(name, {}), limits.brief_s)
                              for runs, some in zip((golden, candidate), (ours, theirs)))
+    if has_begin:
+        golden, candidate = _with_begin(golden, candidate, lag, limits.timing_s)
     runs = in_common(golden, candidate, lag)
     note_lengths(runs, course)
     return field_checks(Aspect.CONTENTS, topic, name, *runs, lag, limits,
@@ -277,7 +326,7 @@ def _farthest(time: Array, value: Array, at: Array, seen: Array, jitter_s: float
 
 
 def _number_sequences(golden: Run, candidate: Run, topic: str, alignment: Alignment,
-                      tolerances: Tolerances) -> List[Check]:
+                      tolerances: Tolerances, has_begin: bool) -> List[Check]:
     """Check the numbers of a topic on change as sequences of values that are the same within their limits."""
     checks: List[Check] = []
     limits = replace(tolerances.states, brief_s=ms_to_s(tolerances.contents.brief_ms))
@@ -293,6 +342,8 @@ def _number_sequences(golden: Run, candidate: Run, topic: str, alignment: Alignm
             keys, name_of = _levels(tracks[0].value[:, column], tracks[1].value[:, column], limit)
             some, others = (state_runs(replace(track, value=key[:, None]), 0, until) for track, key, until in zip(
                 tracks, keys, (golden.duration, candidate.duration)))
+            if has_begin:
+                some, others = _with_begin(some, others, alignment.lag, limits.timing_s)
             runs = in_common(some, others, alignment.lag)
             part = name if len(ours.names) == 1 else "%s[%d]" % (name, column)
             checks += field_checks(Aspect.CONTENTS, topic, part, *runs, alignment.lag, limits, name_of)
@@ -327,7 +378,7 @@ def _levels(ours: Array, theirs: Array, limit: float) -> Tuple[Tuple[Array, Arra
             levels.append(value)
     known = np.array(levels)
     own = np.unique(theirs[np.isfinite(theirs)])
-    names: Dict[int, str] = {}
+    names: Dict[int, str] = {_NO_MESSAGE: _NO_MESSAGE_NAME}
 
     def keyed(values: Array) -> Array:
         keys = np.full(len(values), _NO_NUMBER, np.int64)

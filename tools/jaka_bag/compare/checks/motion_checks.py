@@ -274,8 +274,8 @@ class _NotNumbersWatch(MotionWatch):
     """What is no number in a track, and how late its samples are; ``_column_watches`` are about its values."""
 
     def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
-                 late: Optional[str] = None) -> None:
-        super().__init__(aspect, ours, theirs, frame)
+                 late: Optional[str] = None, convert: Convert = as_they_are) -> None:
+        super().__init__(aspect, ours, theirs, frame, convert)
         if late is not None:
             self._watch_lateness(late)
 
@@ -459,7 +459,8 @@ def _pose_watches(ours: LongTrack, theirs: LongTrack, frame: Frame) -> List[Moti
         if min(one.facts.finite_count, two.facts.finite_count) > 0:
             found.append(_NumbersWatch(one, two, "position." + axis, NumberLimits(np.array([mm_to_m(limit)]), False),
                                        frame).as_part())
-    return [_NotNumbersWatch(Aspect.POSITION, ours, theirs, frame, "").with_checks(whole.before), *found]
+    numbers = _NotNumbersWatch(Aspect.POSITION, ours, theirs, frame, "", _with_quaternions)
+    return [numbers.with_checks(whole.before), *found]
 
 
 def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
