@@ -1,4 +1,4 @@
-"""When the messages of topics on change come is compared: the first one, and those that repeat the one before."""
+"""The times of messages on change are compared: of the first one, and of those that repeat the one before."""
 import numpy as np
 import pytest
 from cell_logs import Said, joints, moments, smooth, write_cell

@@ -1,4 +1,4 @@
-"""What the golden log has and the candidate lacks is found, and what only the candidate has."""
+"""Samples, pulses and beats that only one of the logs has are found, whichever it is."""
 import numpy as np
 import pytest
 from cell_logs import Said, joints, smooth, steady, transforms, write_cell

@@ -30,14 +30,14 @@ _FAST_HZ = 20.0
 _STEADY_SHARE = 0.6
 _COUNTER_SHARE, _FEWEST_COUNTED = 0.3, 20
 _SHARE_OFF, _SHARE_SPREADS = 0.25, 4.0
-"""How far the share of messages in which a counter changes may be off: of that share, and in spreads of chance."""
+"""Limits for the share of messages in which a counter changes: of that share, and in spreads of chance."""
 _MOST_NOISE = 0.5
 _NO_NUMBER = -1
 _NEW_LEVEL = 1 << 32
 _SPARSE = 4.0
 """Messages that repeat each other have times to compare where they are so many limits apart, on average."""
 _NO_MESSAGE, _NO_MESSAGE_NAME = -1 << 80, "no message yet"
-"""What no value of 64 bits is, and no alarm."""
+"""A value beyond 64 bits, which no field has, and no alarm."""
 
 
 class Counts(NamedTuple):

@@ -271,7 +271,7 @@ def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
 
 
 class _NotNumbersWatch(MotionWatch):
-    """What is no number in a track, and how late its samples are; ``_column_watches`` are about its values."""
+    """A watch of what is no number in a track and of how late its samples are; others are about its columns."""
 
     def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
                  late: Optional[str] = None, convert: Convert = as_they_are) -> None:

@@ -13,7 +13,7 @@ from ..verdict import Aspect, Check, equal, judged, not_compared
 _POOLED_S = 2.0
 """Total duration, s, from which all motions of an arm together are long enough to judge their pace as one."""
 LATCHED_S = 1.0
-"""What comes within this time, s, of the begin of a recording may be older: a latched message, the first state."""
+"""Time, s, from the begin of a recording in which messages may be older: latched ones, the first state."""
 _ENDS_S = 1.0
 """A recording in which nothing happens may end so much sooner, s: whoever records ends it by hand or by a clock."""
 _CHANGING_SHARE = 0.3
