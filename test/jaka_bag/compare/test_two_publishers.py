@@ -3,7 +3,10 @@ import pytest
 from cell_logs import joints, smooth, write_cell
 
 from jaka_bag.compare.comparison import compare_logs
+from jaka_bag.compare.runs import windows
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
+from jaka_bag.operations import columns
 
 TOPIC = "/joint_states"
 ARM, FINGER, OTHER = ("joint_1", "joint_2"), ("finger",), ("other_1", "other_2")
@@ -69,6 +72,33 @@ def test_whichever_publisher_comes_first_an_unchanged_run_is_the_same(tmp_path):
         one.value["effort"] = [10.0 * position for position in one.value["position"]]
     comparison = compared(tmp_path, golden, sooner)
     assert comparison.same, comparison.differences
+
+
+def test_an_arm_that_comes_after_the_gripper_has_the_same_tracks(tmp_path, monkeypatch):
+    monkeypatch.setattr(columns, "_GROUP_BYTES", 1000)
+    golden = both(move, grip, FINGER, 125.0, 0.003, True)
+    later = [one for one in golden if one.time >= 1.0 or one.value["name"] == list(FINGER)]
+    sooner = [one for one in golden if one.time >= 1.0 or one.value["name"] != list(FINGER)]
+    paths = [write_cell(tmp_path / name, some, 8000) for name, some in (("a.mcap", later), ("b.mcap", sooner))]
+    runs = [load_run(path) for path in paths]
+    assert runs[0].joints[TOPIC].names == runs[1].joints[TOPIC].names == ARM
+    assert set(runs[0].fields[TOPIC]) == set(runs[1].fields[TOPIC]) >= {"effort", "position (of finger)"}
+    assert [run.joints[TOPIC].facts.count for run in runs] == [1125, 1250]
+
+
+def test_logs_of_two_publishers_that_are_too_long_to_be_kept_are_compared_alike(tmp_path, monkeypatch):
+    monkeypatch.setattr(windows, "_WINDOW_ROWS", 1000)
+    monkeypatch.setattr(windows, "_CELL_S", 3.0)
+    monkeypatch.setattr(windows, "_KEPT_BYTES", 20000)
+    monkeypatch.setattr(windows._Store, "put", lambda store, number, rows: None)
+    monkeypatch.setattr(columns, "_GROUP_BYTES", 1000)
+    golden = both(move, grip, FINGER)
+    said = {"golden": golden, "same": golden, "other": both(move, wrong_grip, FINGER)}
+    paths = {name: write_cell(tmp_path / (name + ".mcap"), some, 60000) for name, some in said.items()}
+    again = compare_logs(paths["golden"], paths["same"])
+    assert again.same, again.differences
+    found = compare_logs(paths["golden"], paths["other"]).differences
+    assert {check.field for check in found} == {"position (of finger)"}, found
 
 
 @pytest.mark.parametrize("finger, is_same", [(grip, True), (wrong_grip, False)])

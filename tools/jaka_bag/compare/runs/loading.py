@@ -514,6 +514,7 @@ class _Loader:
                 is_right = False
                 self._assumed.publisher[topic] = main
                 self._names.pop(topic, None)
+                self._usual.pop(topic, None)
                 self._restrict(topic)
         for key, counts in scan.lengths.items():
             usual = int(main_one({str(length): count for length, count in counts.items()},
