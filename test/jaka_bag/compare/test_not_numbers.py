@@ -69,6 +69,14 @@ def test_a_column_that_is_never_a_number_is_the_same(is_first_a_number, tmp_path
     assert compared(tmp_path, golden, values(wave, wave)).differences
 
 
+def test_a_column_that_is_never_a_number_is_the_same_in_a_run_that_begins_later(tmp_path):
+    def log(late):
+        return joints(10.0, lambda now: move(now - late)) + steady("/cell/values", 50.0, 10.0, lambda now, n: [
+            wave(now - late), NAN])
+    comparison = compared(tmp_path, log(0.0), log(0.8))
+    assert comparison.same, comparison.differences
+
+
 def test_an_order_of_an_infinite_number_is_not_one_of_none(tmp_path):
     def orders(value):
         return joints(10.0, move) + moments("/cell/force", [(2.0, 1.0), (4.0, value), (7.0, 2.0)])

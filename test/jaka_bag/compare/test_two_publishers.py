@@ -6,6 +6,7 @@ from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.runs import windows
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
+from jaka_bag.compare.verdict import Aspect, Outcome
 from jaka_bag.operations import columns
 
 TOPIC = "/joint_states"
@@ -63,6 +64,15 @@ def test_two_arms_of_as_many_joints_are_compared_each_by_its_names(first_late, s
     found = compared(tmp_path, golden, both(move, lambda now: (1.0 + 0.3 * smooth(now, 6, 8), -1.0), OTHER)).differences
     assert any("other_1" in check.field for check in found), found
     assert compared(tmp_path, golden, both(wrong_move, still, OTHER)).differences
+
+
+def test_messages_of_two_publishers_whose_numbers_began_elsewhere_are_not_lost(tmp_path):
+    golden, again = both(move, grip, FINGER, 50.0), both(move, grip, FINGER, 50.0)
+    for one in again:
+        one.value["header"]["seq"] += 5000 if one.value["name"] == list(FINGER) else 0
+    comparison = compared(tmp_path, golden, again)
+    assert comparison.same, comparison.differences
+    assert [check.outcome for check in comparison.checks if check.aspect is Aspect.LOST] == [Outcome.NOT_COMPARED]
 
 
 def test_whichever_publisher_comes_first_an_unchanged_run_is_the_same(tmp_path):

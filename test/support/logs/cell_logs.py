@@ -71,14 +71,15 @@ def joints(until: float, position: Callable[[float], Sequence[float]], topic: st
     return found
 
 
-def transforms(until: float, frames: Callable[[float], Sequence[str]], rate: float = 60.0) -> List[Said]:
-    """Return the frames that are there at each time, each at a place of its own that moves."""
+def transforms(until: float, frames: Callable[[float], Sequence[str]], rate: float = 60.0, late: float = 0.0,
+               amplitude: float = 0.2) -> List[Said]:
+    """Return the frames that are there at each time, each at a place of its own that moves by an amplitude, m."""
     found = []
     for number in range(int(until * rate)):
-        now = number / rate
+        now = number / rate + late
         found.append(Said("/tf", now, {"transforms": [
             {"header": _head(now, number, "base"), "child_frame_id": child, "transform": {
-                "translation": {"x": float(len(child)), "y": 0.2 * float(np.sin(2.0 * now)), "z": 0.1},
+                "translation": {"x": float(len(child)), "y": amplitude * float(np.sin(2.0 * now)), "z": 0.1},
                 "rotation": {"x": 0.0, "y": 0.0, "z": float(np.sin(0.1)), "w": float(np.cos(0.1))}}}
             for child in frames(now)]}))
     return found

@@ -15,6 +15,8 @@ from .reach_checks import Reach
 
 _BEHIND_S = 10.0
 """Span, s, of the golden curve that is kept before the times where samples have been sought."""
+_GAP_STEPS = 2.0
+"""Number of the usual steps of a slow track, as of a frame beside fast ones, that are a gap of it."""
 _AROUND_S = 1.0
 """Span, s, of the candidate's curve, and twice the jitter, that is known around each sample that is judged."""
 
@@ -145,7 +147,7 @@ class AlignedSamples:
 
     def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, convert: Convert = as_they_are) -> None:
         self._theirs, self._frame, self._convert = theirs, frame, convert
-        self._gap_s = frame.tolerances.streams.gap_s
+        self._gap_s = max(frame.tolerances.streams.gap_s, _GAP_STEPS * ours.facts.rhythm)
         self._arm = arm_of(ours.topic, frame.arms)
         self._facts = ours.facts
         self.reach = Reach()

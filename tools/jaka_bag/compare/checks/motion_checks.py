@@ -197,6 +197,7 @@ class MotionWatch:
         """Read a window of the candidate, which follows the one before."""
         block = self._theirs.between(begin, end)
         good = np.isfinite(block.value).all(axis=1)
+        self._bad.note(block.time)
         if not good.all():
             self._bad.add(block.time[~good], block.value[~good])
         self._take(self._aligned.samples(block, good))
@@ -249,8 +250,9 @@ class MotionWatch:
         if policy == "ignore" or self._is_part or not has_not_numbers(ours, theirs):
             return []
         bad = NotNumbers()
-        for block in ours.blocks() if has_not_numbers(ours) else ():
+        for block in ours.blocks():
             good = np.isfinite(block.value).all(axis=1)
+            bad.note(block.time)
             bad.add(block.time[~good], block.value[~good])
 
         def golden_time(times: Array) -> Array:

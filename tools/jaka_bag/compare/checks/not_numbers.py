@@ -16,11 +16,18 @@ class NotNumbers:
 
     Attributes:
         count: Samples with such a value.
+        span: Times of the first and the last sample of the track, s.
     """
 
     def __init__(self) -> None:
         self._times: Dict[Tuple[int, int], List[Array]] = {}
         self.count = 0
+        self.span = np.inf, -np.inf
+
+    def note(self, time: Array) -> None:
+        """Note the times, s, of all further samples, ascending from call to call."""
+        if len(time):
+            self.span = min(self.span[0], float(time[0])), float(time[-1])
 
     def add(self, time: Array, value: Array) -> None:
         """Add samples of which at least one value each is no number; s, ascending from call to call."""
@@ -33,6 +40,8 @@ class NotNumbers:
     def beside(self, others: "NotNumbers", golden_time: Callable[[Array], Array], reach: float) -> Array:
         """Return the golden times, s, of values that have no like one within ``reach`` in the other log.
 
+        Where only one of the logs has samples there is none to be alike.
+
         Args:
             others: The candidate's.
             golden_time: Returns golden times of the candidate's.
@@ -44,7 +53,9 @@ class NotNumbers:
             theirs = golden_time(np.concatenate([np.zeros(0), *others._times.get(key, ())]))
             wrong += [theirs[~_near(theirs, ours, reach)], ours[~_near(ours, theirs, reach)]]
         alone: Array = np.unique(np.concatenate(wrong))
-        return alone
+        first, last = golden_time(np.array(others.span)).tolist()
+        in_both: Array = alone[(alone >= max(self.span[0], first)) & (alone <= min(self.span[1], last))]
+        return in_both
 
     def all_times(self) -> Array:
         """Return the times of all of them, s."""

@@ -16,6 +16,8 @@ from ..verdict import Aspect, Check, equal, judged, not_compared
 
 _FEWEST = 2
 _LAST = np.array([-1])
+_RESTARTS = 0.05
+"""Steps back of header.seq, as a share of the messages, beyond which they are not all restarts."""
 _OTHER_GAP_S = 10.0
 _SLOW_HZ = 20.0
 _ROUNDING_S = 1e-6
@@ -39,7 +41,7 @@ class StreamWatch:
         self._last_common: Optional[Arrivals] = None
         self._last_sequence: Optional[int] = None
         self._is_counted = False
-        self._lost = 0
+        self._lost = self._back = 0
         self._first = 0.0
         self.count = 0
         self.intervals = Quantiles()
@@ -69,6 +71,7 @@ class StreamWatch:
         steps = np.diff(sequence) if self._last_sequence is None else np.diff(sequence, prepend=self._last_sequence)
         self._is_counted = self._is_counted or bool(steps.any())
         self._lost += int((steps[steps > 1] - 1).sum())
+        self._back += int((steps < 0).sum())
         self._last_sequence = int(sequence[-1])
 
     def _take_common(self, common: Arrivals) -> None:
@@ -117,6 +120,11 @@ class StreamWatch:
         Steps back are restarts of the publisher and lose nothing.
         """
         return self._lost if self._is_counted else None
+
+    @property
+    def has_several(self) -> bool:
+        """The messages of several publishers: header.seq goes back often."""
+        return self._back > _RESTARTS * len(self.stream)
 
 
 def type_checks(golden: Run, candidate: Run, tolerances: Tolerances) -> List[Check]:
@@ -274,6 +282,8 @@ def _gap_off(gaps: Sequence[Tuple[float, float]], start: float, length: float) -
 
 
 def _lost_checks(both: _Common, limits: StreamTolerance) -> List[Check]:
+    if both.golden.has_several and both.candidate.has_several:
+        return [not_compared(Aspect.LOST, both.golden.stream.topic, "", "header.seq is of several publishers")]
     if both.golden.lost is None or both.candidate.lost is None:
         return []
     share_g, share_c = (100.0 * (watch.lost or 0) / len(watch.stream) for watch in both)
