@@ -124,7 +124,7 @@ def test_stop_stops_before_the_rest_of_the_page_is_there(browser, panel):
     panel.withheld = "STLLoader.js"
     page = browser.open()
     page.go_without_waiting(panel.url)
-    page.until("document.querySelector('#stop') !== null")
+    page.until("document.querySelector('#stop:not(.unable)') !== null", "it looks like what it is")
     for count, press in enumerate((lambda: page.click("#stop"), lambda: page.key(" ")), 1):
         press()
         assert eventually(lambda count=count: panel.stops == ["http"] * count)
@@ -134,6 +134,16 @@ def test_stop_stops_before_the_rest_of_the_page_is_there(browser, panel):
     page.click("#stop")
     assert eventually(lambda: panel.stops == ["http", "http", "socket"]), "one stop for one press, by the socket now"
     assert not page.complaints
+    page.close()
+
+
+def test_stop_does_not_look_able_before_it_is(browser, panel):
+    panel.withheld = "first_stop.js"
+    page = browser.open()
+    page.go_without_waiting(panel.url)
+    page.until("document.querySelector('#stop.unable[aria-disabled=true]') !== null")
+    panel.withheld = ""
+    page.until("document.querySelector('#stop:not(.unable):not([aria-disabled])') !== null")
     page.close()
 
 

@@ -108,3 +108,6 @@ window.addEventListener('keyup', (event) => {  // browsers click a button when t
     event.stopPropagation();
   }
 }, { capture: true });
+// from here on it does what it looks like
+button?.classList.remove('unable');
+button?.removeAttribute('aria-disabled');
