@@ -1,6 +1,7 @@
 /** Names of inputs and outputs, and the layout of the page, as the cell keeps them for all pages. */
 import { h, setText } from '../ui/dom.js';
 import { numberField, readAll } from '../ui/field.js';
+import { keep as keepIn } from '../ui/keep.js';
 import { toast } from '../ui/toast.js';
 import { twiceButton } from './twice.js';
 
@@ -101,7 +102,7 @@ export function makeLayout(app) {
   const use = twiceButton('cell.layout_use', 'cell.layout_use_sure', async () => {
     const values = cell.entry('layout', '', LAYOUT)?.values ?? {};
     for (const key of LAYOUT_KEYS) {
-      if (Object.hasOwn(values, key)) local?.setItem(KEPT + key, String(values[key]));
+      if (Object.hasOwn(values, key)) keepIn(local, KEPT + key, String(values[key]));
     }
     location.reload();
   });
