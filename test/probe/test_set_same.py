@@ -179,6 +179,7 @@ from test_set_same import OddController
 from jaka_ros_driver.probe import program
 from jaka_ros_driver.probe.set_same import _switch_output
 number = int(sys.argv[1])
+signal.signal(number, signal.SIG_DFL)  # what the tests run in, as nohup, may ignore some
 signal.signal(signal.SIGINT, signal.default_int_handler)
 desk, plain = OddController(), OddController.ask
 
