@@ -528,7 +528,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("results beyond float32 are written", "ros/services/table.py",
            "                require_float32(outcome.value)\n", "                pass\n", RESULTS),
     Mutant("a number beyond its range is a parameter", "ros/params.py",
-           "math.isfinite(value) and low <= value <= high)", "math.isfinite(value) and low <= value)", PARAMS),
+           "(int, float) and low <= value <= high)", "(int, float) and low <= value)", PARAMS),
     Mutant("one port serves for both", "ros/params.py", "if config.command_port == config.status_port:", "if False:",
            PARAMS),
     Mutant("a slow publisher slows down custody", "ros/params.py",

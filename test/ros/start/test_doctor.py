@@ -316,8 +316,9 @@ def subject(**values):
 @pytest.mark.parametrize("age, reason", [(0.1, None), (3.0, "no frame came")])
 def test_a_feed_that_fell_silent_shows_no_arm_at_rest(age, reason):
     one = subject(ip="127.0.0.1")
-    states = [RobotState((0.0,) * 6, *([True] * 3), False, False, received_at=time.monotonic() - age)] * 2
-    one.holder, one.feed = "", FeedSample(None, states, 0, {}, 1.5, False)
+    now = time.monotonic()
+    states = [RobotState((0.0,) * 6, *([True] * 3), False, False, received_at=now - age)] * 2
+    one.holder, one.feed = "", FeedSample(None, states, 0, {}, 1.5, False, now)
     assert one.refusal is None if reason is None else reason in one.refusal.reason
 
 
