@@ -22,11 +22,21 @@ from jaka_ros_driver.probe.move import ASKED, AXIS, MOVES, move, why_not
 from jaka_ros_driver.probe.page import page
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.recorded import ConnectionLog
-from jaka_ros_driver.probe.set_same import HOLD_S, SETTINGS, Desk, SetBack, StageEnded, set_same, uninterrupted
+from jaka_ros_driver.probe.set_same import (
+    HOLD_S,
+    SETTINGS,
+    Desk,
+    SetBack,
+    StageEnded,
+    handled_by,
+    set_same,
+    uninterrupted,
+)
 from jaka_ros_driver.probe.twin import twin_facts
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.ros.driver_lock import DriverLock, holder_of
 from jaka_ros_driver.state import FRESH_S, unrest
+from jaka_ros_driver.wire.startup import port_number
 
 _NAME = "jaka_probe"
 _SECONDS = 30.0
@@ -81,7 +91,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--keep-identity", action="store_true",
                       help="leave address, name and serial number in the files")
     for port, number in PORT_NUMBERS.items():
-        made.add_argument("--%s-port" % port, type=_port, default=number, metavar="N", help="default %d" % number)
+        made.add_argument("--%s-port" % port, type=port_number(1), default=number, metavar="N",
+                          help="default %d" % number)
     return made
 
 
@@ -96,13 +107,6 @@ def _output(text: str) -> int:
     value = int(text)
     if not 1 <= value <= _HIGHEST_OUTPUT:
         raise argparse.ArgumentTypeError("must be from 1 to %d" % _HIGHEST_OUTPUT)
-    return value
-
-
-def _port(text: str) -> int:
-    value = int(text)
-    if not 0 < value < 65536:
-        raise argparse.ArgumentTypeError("must be from 1 to 65535")
     return value
 
 
@@ -161,13 +165,8 @@ def _ended_by_signals() -> Iterator[None]:
     """Have the signals that end a program raise ``_Ended``: by their default action they would lose the report."""
     def end(number: int, frame: Any) -> None:
         raise _Ended(number)
-    before = {number: signal.signal(number, end) for number in _ENDING
-              if signal.getsignal(number) is not signal.SIG_IGN}
-    try:
+    with handled_by(end, _ENDING):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _code_of(ended: KeyboardInterrupt) -> int:

@@ -58,20 +58,30 @@ class StageEnded(JakaError):
 
 
 @contextlib.contextmanager
+def handled_by(handler: Callable[[int, Any], None], numbers: Sequence[int]) -> Iterator[None]:
+    """Have these signals handled so until the end of the block, but for those that this program ignores."""
+    before = {number: signal.signal(number, handler) for number in numbers
+              if signal.getsignal(number) is not signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, its_own in before.items():
+            signal.signal(number, its_own)
+
+
+@contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
     """Put off the signals that would end this program until the end of the block; for the main thread alone.
 
     They are not blocked: another thread would take them (OpenBLAS begins some), and Python would raise their exception
     in this one all the same.
     """
-    before = {number: signal.signal(number, _put_off) for number in _ENDING
-              if signal.getsignal(number) is not signal.SIG_IGN}
+    is_inner = _put_off in map(signal.getsignal, _ENDING)
     try:
-        yield
+        with handled_by(_put_off, _ENDING):
+            yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if _put_off not in before.values() and is_interrupted():
+        if not is_inner and is_interrupted():
             first = _came[0]
             _came.clear()
             signal.raise_signal(first)
