@@ -26,7 +26,7 @@ def panel():
 
 @pytest.fixture
 def open_page(browser, panel):
-    """Return a function that opens the page; its complaints fail the test unless they are taken away."""
+    """Return a function that opens the page; its complaints fail the test unless they are expected."""
     pages = []
 
     def begin(url=None, control=False, **options):

@@ -3,7 +3,7 @@ import contextlib
 import time
 
 import pytest
-from fake_panel import TOKEN
+from fake_panel import REFUSED, TOKEN
 from panel_page import Loop
 from slow_link import SlowLink
 from waiting import eventually
@@ -111,13 +111,12 @@ def test_over_a_link_that_fell_silent_the_truth_about_a_stop_comes_in_time(panel
 
 def test_a_page_that_lost_its_link_has_no_control(panel, open_page):
     page = open_page(control=True)
+    page.expected.append(REFUSED)
     panel.refusing = True
     panel.cut()
     page.until("document.body.dataset.may !== 'control'")
-    page.complaints.clear()  # the browser complains of each connection that is refused
     panel.refusing = False
     page.until("document.querySelector('#link-loss').hidden")
-    page.complaints.clear()
 
 
 def test_moving_is_what_the_arm_does(panel, open_page):

@@ -4,7 +4,7 @@ import time
 
 import pytest
 from browser import Browser
-from fake_panel import HOME
+from fake_panel import HOME, REFUSED
 from import_graph import ROOT
 
 AXE = ROOT / "build" / "js" / "node_modules" / "axe-core" / "axe.min.js"
@@ -100,6 +100,7 @@ def test_what_is_old_is_never_shown_as_new(panel, open_page):
     page.until_text("#link-loss", "silent for")
     panel.silent = False
     page.until("document.querySelector('#link-loss').hidden")
+    page.expected.append(REFUSED)
     panel.refusing = True
     panel.cut()
     page.until_text("#link-loss", "No connection")

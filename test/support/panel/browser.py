@@ -163,6 +163,7 @@ class Page:
 
     Attributes:
         complaints: Errors of scripts, of the content security policy, of requests; in order.
+        expected: Parts of errors that the test brings about itself; those are no complaints, whenever they are told.
         is_crashed, is_closed: Its renderer has ended; the tab was closed.
         sent: (time.monotonic(), text) of each message that it gave to a WebSocket.
     """
@@ -170,6 +171,7 @@ class Page:
     def __init__(self, browser: Browser, target: str, session: str) -> None:
         self.browser, self.target, self.session = browser, target, session
         self.complaints: List[str] = []
+        self.expected: List[str] = []
         self.is_crashed = self.is_closed = False
         self.sent: List[Tuple[float, str]] = []
 
@@ -196,16 +198,20 @@ class Page:
     def take(self, method: str, parameters: Dict[str, Any]) -> None:
         if method == "Runtime.exceptionThrown":
             details = parameters["exceptionDetails"]
-            self.complaints.append(str(details.get("exception", {}).get("description", details["text"])))
+            self._complain(str(details.get("exception", {}).get("description", details["text"])))
         elif method == "Log.entryAdded" and parameters["entry"]["level"] == "error":
-            self.complaints.append("%(text)s %(url)s" % dict({"url": ""}, **parameters["entry"]))
+            self._complain("%(text)s %(url)s" % dict({"url": ""}, **parameters["entry"]))
         elif method == "Runtime.consoleAPICalled" and parameters["type"] == "error":
             parts = [part.get("value", part.get("description")) for part in parameters["args"]]
-            self.complaints.append(" ".join(map(str, parts)))
+            self._complain(" ".join(map(str, parts)))
         elif method == "Network.webSocketFrameSent":
             self.sent.append((parameters["timestamp"], parameters["response"]["payloadData"]))
         elif method == "Inspector.targetCrashed":
             self.is_crashed = True
+
+    def _complain(self, text: str) -> None:
+        if not any(part in text for part in self.expected):
+            self.complaints.append(text)
 
     def resize(self, width: int, height: int, scale: float = 1.0) -> None:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale,

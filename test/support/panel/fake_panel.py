@@ -28,6 +28,8 @@ HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 ARM = "/jaka_driver"
 ASKED_BY_ITSELF = ("hello", "watch", "cell", "cell_versions", "logs", "settings", "zones")
 """Messages and commands of a page that is only looked at."""
+REFUSED = "Error during WebSocket handshake: Unexpected response code: 503"
+"""Error that a browser tells of a connection that a server refused."""
 
 
 def arm_info(name: str = ARM, **changed: Any) -> Dict[str, Any]:
