@@ -57,6 +57,18 @@ test('the points that this browser kept are offered until they are taken or decl
   assert.ok(storage.kept.get('jaka-panel-points-declined').includes('home'));
 });
 
+test('a storage without space keeps the points where they are', () => {
+  const text = JSON.stringify({ '/a': [{ name: 'home', q: Q }] });
+  const storage = storageWith(text);
+  const put = storage.setItem;
+  storage.setItem = (/** @type {string} */ key, /** @type {string} */ value) => {
+    if (key !== 'jaka-panel-points') throw new Error('it is full');
+    put(key, value);
+  };
+  new Points(cellThatTakes(), storage, () => ({}), assert.fail).decline();
+  assert.deepEqual([...storage.kept], [['jaka-panel-points', text]]);
+});
+
 test('what is no point is left out', () => {
   for (const text of ['{', '[]', 'null', '{"a": 5}', '{"a": [{"name": "x", "q": [1]}, null]}']) {
     assert.deepEqual(new Points(cellThatTakes(), storageWith(text), () => ({}), assert.fail).kept(), [], text);

@@ -1,5 +1,6 @@
 /**
  * A button that asks before it acts: the second press within some seconds does it, where that is still what was asked.
+ * The second half of a double click is no answer: nobody has read the question by then.
  */
 import { h, setText } from '../ui/dom.js';
 
@@ -19,7 +20,8 @@ export function twiceButton(label, question, act, { values = () => ({}), needs =
   /** @type {any} */
   let timer = null;
   const button = /** @type {HTMLButtonElement} */ (h('button', { type: 'button', t: label,
-    class: needs ? 'needs-control' : null, 'data-needs': needs || null, on: { click: () => void press() } }));
+    class: needs ? 'needs-control' : null, 'data-needs': needs || null,
+    on: { click: (/** @type {MouseEvent} */ event) => void press(event) } }));
 
   function rest() {
     clearTimeout(timer);
@@ -28,7 +30,9 @@ export function twiceButton(label, question, act, { values = () => ({}), needs =
     setText(button, label);
   }
 
-  async function press() {
+  /** @param {MouseEvent} event */
+  async function press(event) {
+    if (asked !== null && event.detail > 1) return;
     const now = values();
     const isSame = asked === JSON.stringify(now);
     rest();

@@ -104,11 +104,16 @@ export class Points {
     return `${name.slice(0, LONGEST - 4)} ${number}`;
   }
 
-  /** Offers the browser's own points no more; they stay in it under another name. */
+  /** Offers the browser's own points no more; they stay in it under another name, unless it has no space left. */
   decline() {
     const text = this.storage?.getItem(KEPT_AS);
-    if (text) this.storage?.setItem(DECLINED_AS, text);
+    if (!text) return;
     this.storage?.removeItem(KEPT_AS);
+    try {
+      this.storage?.setItem(DECLINED_AS, text);
+    } catch {
+      this.storage?.setItem(KEPT_AS, text);
+    }
   }
 }
 
