@@ -75,3 +75,18 @@ def test_the_new_log_is_on_the_disk_before_it_takes_the_golden_ones_place(golden
             done.append(name), call(*words)))
     update_golden(golden, candidate, tmp_path / "update", lambda new, folder: SimpleNamespace(same=True, summary=""))
     assert done[-2:] == ["fsync", "replace"]
+
+
+def test_a_golden_log_may_be_called_as_what_a_replay_records(candidate, tmp_path):
+    golden = tmp_path / "cell" / "candidate.mcap"
+    golden.parent.mkdir()
+    shutil.copy(str(LOGS / "io_sequence.mcap"), str(golden))
+    (golden.parent / "candidate.mcap.new").write_text("of the user")
+
+    def again(new, folder):
+        (folder / "candidate.mcap").write_bytes(b"what the second run recorded")
+        return SimpleNamespace(same=True, summary=str(sum(read_index(new).counts)))
+
+    update_golden(golden, candidate, tmp_path / "update", again)
+    assert golden.read_bytes() == candidate.read_bytes()
+    assert (golden.parent / "candidate.mcap.new").read_text() == "of the user"

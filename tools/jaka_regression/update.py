@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Callable
 
 from jaka_bag.operations.convert import Job, convert_file
+from jaka_bag.output_file import OutputFile
 
 from .replay import Replay
 
@@ -25,8 +26,8 @@ def update_golden(golden: Path, candidate: Path, folder: Path, again: Callable[[
         BagError: A log cannot be read or written.
         ProgramFailed: A program of the replay failed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    new = folder / golden.name
+    new = folder / "golden" / golden.name  # the replay records a file of its own in the folder, whatever name this has
+    new.parent.mkdir(parents=True, exist_ok=True)
     if golden.suffix == candidate.suffix:
         shutil.copyfile(str(candidate), str(new))
     else:
@@ -35,9 +36,7 @@ def update_golden(golden: Path, candidate: Path, folder: Path, again: Callable[[
     if not result.same:
         return "%s stays as it was: an unchanged run differs from the new log\n%s" % (golden, result.summary)
     place = golden.resolve()  # a link stays one
-    beside = place.with_name(place.name + ".new")
-    shutil.copyfile(str(new), str(beside))
-    with open(str(beside), "rb") as file:
-        os.fsync(file.fileno())  # after a power failure there is the one log or the other, whole
-    os.replace(str(beside), str(place))
+    with OutputFile(place, overwrite=True) as output, open(str(new), "rb") as source:
+        shutil.copyfileobj(source, output)
+        os.fsync(output.file.fileno())  # after a power failure there is the one log or the other, whole
     return "%s is the new log: an unchanged run is the same" % golden
