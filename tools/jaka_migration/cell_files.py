@@ -17,6 +17,8 @@ _MANIFESTS = {"package.xml": "", "CMakeLists.txt": ".sh"}
 _MADE = {"build", "devel", "install", "logs"}
 """Folders beside ``src`` that the build of a workspace makes."""
 _PACKAGES = re.compile(rb"<name>\s*(jaka_(?:driver|msgs|planner|jog_panel|description|ros_driver))\s*</name>")
+_BEFORE_THE_ROOT = ((b"<!--", b"-->"), (b"<?", b"?>"), (b"<!", b">"))
+_NAME = re.compile(rb"[\w:.-]+")
 _NOT_FOLLOWED = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 _OF_LINKS = (errno.ELOOP, errno.EMLINK, errno.ENOTDIR)
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | _NOT_FOLLOWED
@@ -149,10 +151,26 @@ def _file(place: str, path: str) -> Optional[CellFile]:
     name = os.path.basename(place)
     if name.endswith(_LAUNCH_NAMES):
         return CellFile(path, LAUNCH, "")
+    if name.endswith(".xml") and name not in _MANIFESTS and (
+            os.path.islink(place) or _root(_head(place, LARGEST)) == b"launch"):
+        return CellFile(path, LAUNCH, "")
     kind = _MANIFESTS.get(name, _KINDS.get(os.path.splitext(name)[1]))
     if kind is None and "." not in name:
         kind = _kind_by_first_line(place)
     return None if kind is None else CellFile(path, PROGRAM, kind)
+
+
+def _root(data: bytes) -> bytes:
+    """Return the name of an XML file's first element, behind what may stand before it; empty where there is none."""
+    place = data.find(b"<")
+    while place >= 0:
+        end = next((end for begin, end in _BEFORE_THE_ROOT if data.startswith(begin, place)), None)
+        if end is None:
+            name = _NAME.match(data, place + 1)
+            return name.group() if name else b""
+        place = data.find(end, place + 2)
+        place = data.find(b"<", place) if place >= 0 else -1
+    return b""
 
 
 def _kind_by_first_line(place: str) -> Optional[str]:
