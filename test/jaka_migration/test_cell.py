@@ -20,7 +20,10 @@ INCLUDE = b"""<launch>
 </launch>
 """
 NODE = (b'<?xml version="1.0"?>\r\n<launch>\r\n\t<param name="ip" value=\'10.5.5.100\'/>\r\n'
-        b'\t<node  pkg="jaka_driver" name="arm"\r\n\t\ttype="jaka_driver"   />\r\n</launch>')
+        b'\t<node  pkg="jaka_driver" name="jaka_driver"\r\n\t\ttype="jaka_driver"   />\r\n</launch>')
+ARM = b'<node pkg="jaka_driver" type="jaka_driver" name="jaka_driver"/>'
+IP = b'<param name="ip" value="10.0.0.2"/>'
+ALL_ARGS = b'<include file="$(find jaka_driver)/launch/robot_start_launch.launch" pass_all_args="true"/>'
 PROGRAM = b"""#!/usr/bin/env python
 # coding: gbk \xb0\xa1
 from jaka_msgs.srv import ClearError, Move, SetIO
@@ -70,11 +73,10 @@ def test_what_an_earlier_page_left_without_interface_and_model_gets_them():
 
 
 @pytest.mark.parametrize("text, why", [
-    (b'<launch><node pkg="jaka_driver" type="jaka_driver" name="a"/></launch>', "no address.*--ip"),
-    (b'<launch><param name="ip" value="1.2.3.4" if="$(arg a)"/><node pkg="jaka_driver" type="jaka_driver" name="a"/>'
-     b'</launch>', "no address"),
+    (b"<launch>" + ARM + b"</launch>", "no address.*--ip"),
+    (b'<launch><param name="ip" value="1.2.3.4" if="$(arg a)"/>' + ARM + b'</launch>', "no address"),
     (b'<launch><group ns="a"><param name="ip" value="1.2.3.4"/></group><node pkg="jaka_driver" type="jaka_driver" '
-     b'name="a"/></launch>', "no address"),
+     b'name="jaka_driver"/></launch>', "no address"),
     (b'<launch><include file="$(find jaka_driver)/launch/robot_start_launch.launch"/></launch>', "no address"),
     (INCLUDE.replace(b'<arg name="ip" v', b'<arg name="model" value="zu7"/><arg name="ip" v'),
      "line 5: model is 'zu7' already, and 'zu12'"),
@@ -82,8 +84,8 @@ def test_what_an_earlier_page_left_without_interface_and_model_gets_them():
      "line 5: interface is set under a condition"),
     (INCLUDE.replace(b'<arg name="ip" v', b'<arg name="model" value="zu12"/><arg name="model" value="zu5"/>'
                      b'<arg name="ip" v'), "line 5: model is 'zu5' already, and 'zu12'"),
-    (b'<launch><param name="ip" value="1.2.3.4"/><node pkg="jaka_driver" type="jaka_driver" name="a" args="1.2.3.4"/>'
-     b'</launch>', "line 1: the node has args"),
+    (b'<launch><param name="ip" value="1.2.3.4"/>' + ARM.replace(b"/>", b' args="1.2.3.4"/>') + b'</launch>',
+     "line 1: the node has args"),
     (b'<launch><arg name="driver" default="jaka_driver"/></launch>', "changed by hand"),
     (b'<launch><include file="$(eval find(\'jaka_driver\') + \'/launch/robot_start_launch.launch\')"/></launch>',
      "changed by hand")])
@@ -94,12 +96,64 @@ def test_what_is_not_plain_is_left_as_it_is_with_the_reason(text, why, tmp_path,
     assert re.search(why, capsys.readouterr().err)
 
 
+@pytest.mark.parametrize("before, value", [
+    (IP, b'"10.0.0.2"'), (b'<arg name="ip" default="10.0.0.2"/>', None), (b'<arg name="ip"/>', None)])
+def test_an_include_that_passes_all_arguments_gets_the_address_where_no_argument_has_it(before, value):
+    after = migrated(b"<launch>%s%s</launch>" % (before, ALL_ARGS))
+    assert (b'<arg name="ip" value=%s/>' % value in after) if value else after.count(b'"ip"') == 1
+
+
+@pytest.mark.parametrize("text, why", [
+    (ALL_ARGS, "no address"), (b'<group><arg name="ip" value="10.0.0.2"/></group>' + ALL_ARGS, "no address"),
+    (ALL_ARGS + b'<arg name="ip" value="10.0.0.2"/>', "no address"),
+    (IP + b'<arg name="ip" value="10.0.0.3" if="$(arg real)"/>' + ALL_ARGS, "line 1: ip is set under a condition"),
+    (IP + ALL_ARGS.replace(b"/>", b'><arg name="ip" value="10.0.0.2" if="$(arg real)"/></include>'),
+     "line 1: ip is set under a condition"),
+    (IP + ARM.replace(b"/>", b'><param name="ip" value="1.2.3.4"/><param name="ip" value="1.2.3.5" unless="$(arg a)"/>'
+                             b"</node>"), "line 1: ip is set under a condition")])
+def test_no_real_arm_becomes_a_simulated_one_for_an_address_under_a_condition(text, why):
+    before = b"<launch>" + text + b"</launch>"
+    result = examine(before, VENDOR)
+    assert result.text == before and any(re.search(why, reason) for reason in result.against), result.against
+
+
+@pytest.mark.parametrize("text", [
+    IP + ARM.replace(b'name="jaka_driver"', b'name="left"'), IP + ARM.replace(b"/>", b' ns="left"/>'),
+    b'<group ns="left">' + IP + ARM + b"</group>", IP + ALL_ARGS.replace(b"/>", b' ns="$(arg side)"/>'),
+    b'<group ns="left"><group>' + IP + ALL_ARGS + b"</group></group>"])
+def test_a_driver_whose_names_would_move_is_found_and_left_as_it_is(text, tmp_path, capsys):
+    (tmp_path / "cell.launch").write_bytes(b"<launch>\n" + text + b"</launch>")
+    assert main([str(tmp_path)]) == 0 and "its names move" in capsys.readouterr().out
+    assert main([str(tmp_path), *WRITE]) == 1
+    assert re.search("line 2: .*/jaka_driver/.*names.*not changed", capsys.readouterr().err)
+    assert (tmp_path / "cell.launch").read_bytes() == b"<launch>\n" + text + b"</launch>"
+
+
+def test_a_namespace_that_is_the_root_moves_no_name():
+    assert b"jaka_ros_driver" in migrated(b'<launch><group ns="/">' + IP + ARM + b"</group></launch>")
+    ours = ARM.replace(b'pkg="jaka_driver', b'pkg="jaka_ros_driver')
+    after = migrated(b"<launch><group ns=\"left\">" + IP + ours + b"</group></launch>")
+    assert b"zu12" in after, "names of this driver stay where they are"
+
+
+def test_a_launch_file_that_ends_in_xml_is_read_by_its_root(tmp_path, capsys):
+    (tmp_path / "driver.xml").write_bytes(b"<?xml version='1.0'?>\n<!-- <robot> -->" + INCLUDE)
+    (tmp_path / "arm.urdf.xml").write_bytes(b'<!-- <launch> --><robot name="jaka_driver"/>')
+    (tmp_path / "comments.xml").write_bytes(b"<!-- a -->" * 100000 + b"<robot/>")
+    (tmp_path / "away.xml").symlink_to("driver.xml")
+    (tmp_path / "package.xml").write_text("<package><name>cell</name></package>")
+    os.mkfifo(str(tmp_path / "pipe.xml"))
+    assert main([str(tmp_path), *WRITE]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("2 launch files and programs read, 1 drivers") and "away.xml: a link" in said
+    assert b"jaka_ros_driver" in (tmp_path / "driver.xml").read_bytes()
+
+
 def test_a_given_address_is_for_one_driver(tmp_path, capsys):
-    node = b'<node pkg="jaka_driver" type="jaka_driver" name="a"/>'
-    (tmp_path / "cell.launch").write_bytes(b"<launch>%s</launch>" % node)
+    (tmp_path / "cell.launch").write_bytes(b"<launch>%s</launch>" % ARM)
     assert main([str(tmp_path), *WRITE, "--ip", "10.5.5.101"]) == 0
     assert b'<param name="ip" type="str" value="10.5.5.101"/>' in (tmp_path / "cell.launch").read_bytes()
-    (tmp_path / "two.launch").write_bytes(b"<launch>%s%s</launch>" % (node, node))
+    (tmp_path / "two.launch").write_bytes(b"<launch>%s%s</launch>" % (ARM, ARM))
     assert main([str(tmp_path), *WRITE, "--ip", "10.5.5.101"]) == 1
     assert "one address to 2 drivers" in capsys.readouterr().err and not (tmp_path / "two.launch.before").exists()
 

@@ -23,6 +23,10 @@ SUBJECTS: Dict[str, Subject] = {
     "start": Subject(
         "the maker's driver is started", "package jaka_driver: without a model, with the global parameter ip.",
         "--write puts jaka_ros_driver, interface, model and ip here. A command in a program or script: by hand."),
+    "names": Subject(
+        "a driver with another name, or in a namespace: its names move",
+        "every service and topic is /jaka_driver/..., whatever the node's name and namespace.",
+        "They follow both. By hand: name the node jaka_driver, outside of a namespace; or change who uses its names."),
     "other_program": Subject(
         "another program of the package jaka_driver", "a client or example of the maker's.",
         "It is not in this package: keep the maker's package for it, or leave it out."),

@@ -78,6 +78,19 @@ def _is_hidden_start(one: LaunchElement) -> bool:
             or one.tag == "arg" and "jaka_driver" in (one.get("default"), one.get("value")))
 
 
+def _moves(one: LaunchElement) -> bool:
+    """Return whether an element starts the maker's driver under a name or namespace that only this driver goes by."""
+    kind = _kind(one)
+    if not kind or one.get("pkg") == "jaka_ros_driver" or "jaka_ros_driver" in one.get("file"):
+        return False
+    for around in [one, *one.ancestors()]:
+        if around.get("ns").strip("/"):
+            return True
+        if around.get("ns"):  # the root: what is around it counts no more
+            break
+    return kind == "node" and one.get("name") != "jaka_driver"
+
+
 def _look(data: bytes, one: LaunchElement, result: ExaminedLaunchFile) -> None:
     """Note what one element has of the maker's packages."""
     def found(subject: str) -> None:
@@ -88,6 +101,8 @@ def _look(data: bytes, one: LaunchElement, result: ExaminedLaunchFile) -> None:
         found("start")
     elif one.get("pkg") == "jaka_driver":
         found("other_program")
+    if _moves(one):
+        found("names")
     for attribute in one.attributes.values():
         if _FIND.search(attribute.value) and not _is_hidden_start(one):
             found("start" if kind == "include" else "other_file")
@@ -112,6 +127,9 @@ def _change(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result:
     here = "line %d: " % one.line
     if child == "param" and one.get("args"):
         result.against.append(here + "the node has args=\"%s\", which this driver does not take" % one.get("args"))
+    if _moves(one):
+        result.against.append(here + "the maker's driver serves /jaka_driver/... whatever its name and namespace, this "
+                              "one moves its names with them")
     if one.get("pkg") == "jaka_driver":
         edits.append(Edit(one.attributes["pkg"].begin, one.attributes["pkg"].end, _OURS))
     for attribute in one.attributes.values():
@@ -124,7 +142,7 @@ def _change(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result:
         if not there:
             lines.append(b'<%s name="%s"%s value="%s"/>' % (child.encode(), name.encode(), kind, value.encode()))
         for has in there:
-            if has.get("if") or has.get("unless"):  # without it the driver's default stands: motions mean another thing
+            if _is_conditional(has):  # without it the driver's default stands: motions mean another thing
                 result.against.append("line %d: %s is set under a condition" % (has.line, name))
             elif has.get("value") != value:
                 result.against.append("line %d: %s is %r already, and %r is asked for" % (
@@ -138,16 +156,22 @@ def _change(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result:
 
 def _address(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result: ExaminedLaunchFile) -> bytes:
     """Return the address to be set, with its quotes; empty where none need be set."""
-    has = one.child(child, "ip")
-    if has is not None:
+    own = [has for has in one.children if has.tag == child and has.get("name") == "ip"]
+    passed = _passed_ip(one)
+    for has in own + ([] if own or wanted.ip else passed):
+        if _is_conditional(has):  # without it the driver would be a simulated arm
+            result.against.append("line %d: ip is set under a condition" % has.line)
+            return b""
+    for has in own:
         if wanted.ip and has.get("value") != wanted.ip and "$(" not in has.get("value"):
             result.against.append("line %d: ip is %r already, and %r is asked for" % (
                 has.line, has.get("value"), wanted.ip))
+    if own:
         return b""
     if wanted.ip:
         result.takes_ip += 1
         return b'"%s"' % wanted.ip.encode()
-    if one.get("pass_all_args") == "true":
+    if passed:
         return b""
     near = _global_ip(one)
     if near is None:
@@ -158,12 +182,24 @@ def _address(data: bytes, one: LaunchElement, child: str, wanted: Wanted, result
     return data[value.begin - 1:value.end + 1]
 
 
+def _is_conditional(one: LaunchElement) -> bool:
+    return "if" in one.attributes or "unless" in one.attributes
+
+
+def _passed_ip(one: LaunchElement) -> List[LaunchElement]:
+    """Return the arguments ``ip`` before an include, in its scope, that it passes on with ``pass_all_args``."""
+    if one.tag != "include" or one.get("pass_all_args").lower() != "true":
+        return []
+    return [has for around in one.ancestors() for has in around.children
+            if has.tag == "arg" and has.get("name") == "ip" and has.begin < one.begin]
+
+
 def _global_ip(one: LaunchElement) -> Optional[LaunchElement]:
     """Return the one parameter ``ip`` that the maker's driver reads there; None where it is not plain which."""
     for around in one.ancestors():
         near = [sibling for sibling in around.children if _is_global_ip(sibling)]
         if near:
             plain = len(near) == 1 and "value" in near[0].attributes and not (
-                near[0].get("if") or near[0].get("unless"))
+                _is_conditional(near[0]) or near[0].get("ns"))
             return near[0] if plain else None
     return None
