@@ -147,7 +147,10 @@ FAULTS = [
     (L, "max_velocity: 1.5", "max_velocity: .nan", MUST_CHANGE, "'.nan', no finite number"),
     (L, "max_acceleration: 1", "max_acceleration: 15", MUST_CHANGE, r"^%s:6: .*is 15 rad/s2.*12.57 .*\(720 deg" % L),
     (L, "max_acceleration: 1", "max_acceleration: 0", MUST_CHANGE, "must be above 0"),
-    (L, "max_velocity: 1.5", "has_position_limits: true\n    max_position: 7", MUST_CHANGE, "range -6.28319 to 7 rad"),
+    (L, "max_velocity: 1.5", "has_position_limits: true\n    max_position: 7", MUST_CHANGE, "range -6.28 to 7 rad"),
+    (L, "max_velocity: 1.5", "min_position: -7", MUST_CHANGE, "^%s:4: joint_1: range -7 to 6.28 rad" % L),
+    (L, "has_velocity_limits: true\n    max_velocity: 1.5", "max_velocity: 30", MUST_CHANGE, "velocity is 30 rad/s"),
+    (L, "has_acceleration_limits: true\n    max_acceleration: 1", "max_acceleration: 15", MUST_CHANGE, "is 15 rad/s2"),
     (S, 'name="joint_4"/>\n    <', 'name="joint_44"/>\n    <', MUST_CHANGE, "^%s:7: names joint joint_44" % S),
     (S, 'link1="Link_0"', 'link1="base"', MUST_CHANGE, "names link base, which the URDF does not have; it has Link_0"),
     (S, 'robot name="jaka_zu7"', 'robot name="other"', ADVICE, "robot 'other', but the URDF's is 'jaka_zu7'"),
@@ -215,6 +218,50 @@ def test_a_fault_is_told_with_its_line(tmp_path, file, old, new, section, told):
     report = check(str(package))
     assert found(report, section, told), report.as_text()
     assert (report.exit_code == 1) is (bool(lines(report, MUST_CHANGE)))
+
+
+def test_a_bound_of_the_file_leaves_the_other_one_to_the_urdf(tmp_path):
+    # as MoveIt 1 reads them: each for itself, whatever has_position_limits says
+    package = fitting(tmp_path)
+    urdf = package / U
+    urdf.write_text(urdf.read_text().replace('lower="-6.28"', 'lower="-12"', 1))
+    limits = (package / L).read_text()
+    (package / L).write_text(limits.replace("  joint_1:\n", "  joint_1:\n    max_position: 1.5\n"))
+    report = check(str(package))
+    assert found(report, MUST_CHANGE, "^%s:3: joint_1: range -12 to 1.5 rad" % L), report.as_text()
+    assert found(report, FITS, "^%s: limits of joint_2, " % U)
+    (package / L).write_text(limits.replace("  joint_1:\n", "  joint_1:\n    max_position: 1.5\n    min_position: -1\n"
+                                            "    has_position_limits: false\n"))
+    report = check(str(package))
+    assert report.exit_code == 0 and found(report, FITS, "^%s: limits of joint_1, " % U), report.as_text()
+
+
+MANAGER = '<param name="move_group/moveit_controller_manager" value="%s"/>'
+SIMPLE = MANAGER % launch_files.SIMPLE_MANAGER
+FAKE = MANAGER % "moveit_fake_controller_manager/MoveItFakeControllerManager"
+MONITORING = '<param name="trajectory_execution/execution_duration_monitoring" value="%s"/>'
+OFF = MONITORING % "false"
+SIM = '<arg name="sim" default="true"/>'
+
+
+@pytest.mark.parametrize("text, section, told", [
+    (SIM + '<group unless="$(arg sim)">%s</group>' % OFF + SIMPLE, MUST_CHANGE, "monitoring is on, with scaling 1.2"),
+    (OFF + '<group if="false"><group>%s</group></group>' % SIMPLE, MUST_CHANGE, "no launch file sets moveit_cont"),
+    (OFF + '<group if="false">%s</group><group>%s</group>' % (SIMPLE, FAKE), MUST_CHANGE, "manager is moveit_fake"),
+    (SIM + '<arg name="mon" value="false" unless="$(arg sim)"/><arg name="mon" value="true" if="$(arg sim)"/>'
+     + MONITORING % "$(arg mon)" + SIMPLE, MUST_CHANGE, "monitoring is on"),
+    (SIM + '<group unless="$(arg sim)"><arg name="m" value="false"/></group><group><arg name="m" value="true"/></group>'
+     + MONITORING % "$(arg m)" + SIMPLE, MUST_CHANGE, "monitoring is on"),
+    ('<arg name="sim"/><arg name="m" value="%s" unless="$(arg sim)"/><arg name="m" value="fake" if="$(arg sim)"/>'
+     % launch_files.SIMPLE_MANAGER + OFF + MANAGER % "$(arg m)", NOT_READ, "is '.*arg m.*', which is decided"),
+    (OFF + SIMPLE + '<group if="0"><node pkg="joint_state_publisher"><param name="source_list" value="joint_states"/>'
+     "</node></group>", ADVICE, "starts joint_state_publisher, by default not")])
+def test_what_a_condition_leaves_out_is_not_taken_for_set(tmp_path, text, section, told):
+    package = fitting(tmp_path)
+    (package / X).write_text("<launch>%s</launch>" % text)
+    report = check(str(package))
+    assert found(report, section, told), report.as_text()
+    assert (report.exit_code == 1) is bool(lines(report, MUST_CHANGE)) is (section == MUST_CHANGE)
 
 
 def test_the_simulation_of_another_arm_is_advice_and_a_file_that_a_demo_lacks_too(tmp_path):

@@ -1,4 +1,9 @@
-"""The check of the joints' limits: ``joint_limits.yaml`` and the URDF against what the driver accepts."""
+"""The check of the joints' limits: ``joint_limits.yaml`` and the URDF against what the driver accepts.
+
+The file's values are taken as MoveIt 1 takes them (``robot_model_loader.cpp``): ``max_velocity`` and
+``max_acceleration`` unless their switch is false, ``min_position`` and ``max_position`` each for itself in place of the
+URDF's bound, without any switch.
+"""
 from typing import Dict, List, Optional, Set, Tuple
 
 from jaka_migration.bounded_files import Unreadable, YamlNode, read_yaml
@@ -14,7 +19,7 @@ def check_joint_limits(package: Package, urdf: Optional[Urdf], urdf_file: str, e
                        report: ConfigReport) -> None:
     """Add what the file, and the URDF under it, say about limits to the report."""
     table = _table(package, report)
-    slowed, ranged = (set(), set()) if table is None else _check_table(table, expected, report)
+    slowed, ranged = (set(), {}) if table is None else _check_table(table, urdf, expected, report)
     if urdf is not None:
         _check_urdf(urdf, urdf_file, slowed, ranged, expected, report)
 
@@ -36,14 +41,17 @@ def _table(package: Package, report: ConfigReport) -> Optional[YamlNode]:
     return table
 
 
-def _check_table(table: YamlNode, expected: Expected, report: ConfigReport) -> Tuple[Set[str], Set[str]]:
-    """Check all joints; return those whose speed, and those whose range, the file decides instead of the URDF."""
+def _check_table(table: YamlNode, urdf: Optional[Urdf], expected: Expected,
+                 report: ConfigReport) -> Tuple[Set[str], Dict[str, bool]]:
+    """Check all joints; return those whose speed the file decides, and for those whose range it does, if it fits."""
     for name, line in table.keys():
         meant = expected.unlike(name)
         if meant is not None:
             report.add(MUST_CHANGE, "%s is no joint of the driver: MoveIt leaves these limits out; write %s" % (
                 name, meant), FILE, line)
-    slowed, ranged, unlimited = set(), set(), []
+    slowed: Set[str] = set()
+    ranged: Dict[str, bool] = {}
+    unlimited: List[str] = []
     fitting: Dict[str, List[str]] = {"max_velocity": [], "max_acceleration": []}
     first_line = table.line
     for index, name in enumerate(expected.joints):
@@ -55,9 +63,9 @@ def _check_table(table: YamlNode, expected: Expected, report: ConfigReport) -> T
             slowed.add(name)
             if _check_rate(entry, "max_velocity", "rad/s", name, expected.top_speed(index), report):
                 fitting["max_velocity"].append(name)
-        if _decides(entry, "has_position_limits", "max_position") or entry.get("min_position") is not None:
-            ranged.add(name)
-            _check_range(entry, name, index, expected, report)
+        if entry.get("max_position") is not None or entry.get("min_position") is not None:
+            joint = None if urdf is None else urdf.joints.get(name)
+            ranged[name] = _check_range(entry, name, index, None if joint is None else joint.limits, expected, report)
         if _decides(entry, "has_acceleration_limits", "max_acceleration"):
             if _check_rate(entry, "max_acceleration", "rad/s2", name, expected.top_acceleration, report):
                 fitting["max_acceleration"].append(name)
@@ -75,9 +83,9 @@ def _check_table(table: YamlNode, expected: Expected, report: ConfigReport) -> T
 
 
 def _decides(entry: YamlNode, switch: str, key: str) -> bool:
-    """Return whether a limit is switched on; a value that is no boolean is taken for true, to be looked at."""
+    """Return whether a limit is there and not switched off; a switch that is no boolean does not switch it off."""
     node = entry.get(switch)
-    return entry.get(key) is not None and node is not None and node.truth is not False
+    return entry.get(key) is not None and (node is None or node.truth is not False)
 
 
 def _number(entry: YamlNode, key: str, name: str, report: ConfigReport) -> Optional[float]:
@@ -103,12 +111,14 @@ def _check_rate(entry: YamlNode, key: str, unit: str, name: str, top: float, rep
     return value is not None and 0.0 < value <= top * SLACK
 
 
-def _check_range(entry: YamlNode, name: str, index: int, expected: Expected, report: ConfigReport) -> None:
-    low, high = expected.model.joint_limits[index]
+def _check_range(entry: YamlNode, name: str, index: int, under: Optional[Tuple[float, float]], expected: Expected,
+                 report: ConfigReport) -> bool:
+    """Add a range that is wrong, with the URDF's bound (``under``) for one that is not here; return if it is right."""
+    low, high = expected.model.joint_limits[index] if under is None else under
     lower = _number(entry, "min_position", name, report)
     upper = _number(entry, "max_position", name, report)
-    _judge_range(name, low if lower is None else lower, high if upper is None else upper, index, FILE,
-                 _line(entry, "max_position" if upper is not None else "min_position"), expected, report)
+    return _judge_range(name, low if lower is None else lower, high if upper is None else upper, index, FILE,
+                        _line(entry, "max_position" if upper is not None else "min_position"), expected, report)
 
 
 def _judge_range(name: str, lower: float, upper: float, index: int, file: str, line: int, expected: Expected,
@@ -129,7 +139,7 @@ def _judge_range(name: str, lower: float, upper: float, index: int, file: str, l
     return False
 
 
-def _check_urdf(urdf: Urdf, file: str, slowed: Set[str], ranged: Set[str], expected: Expected,
+def _check_urdf(urdf: Urdf, file: str, slowed: Set[str], ranged: Dict[str, bool], expected: Expected,
                 report: ConfigReport) -> None:
     fitting: List[str] = []
     for index, name in enumerate(expected.joints):
@@ -142,7 +152,9 @@ def _check_urdf(urdf: Urdf, file: str, slowed: Set[str], ranged: Set[str], expec
             report.add(MUST_CHANGE, "%s is continuous: MoveIt plans it without limits, and the driver refuses what is "
                        "beyond %.4f to %.4f rad; make it revolute" % (name, low, high), file, joint.line)
             fits = False
-        elif name not in ranged:
+        elif name in ranged:
+            fits = ranged[name]
+        else:
             lower, upper = joint.limits or (0.0, 0.0)
             fits = _judge_range(name, lower, upper, index, file, joint.line, expected, report)
         top = expected.top_speed(index)

@@ -40,8 +40,8 @@ def check_launch_files(package: Package, expected: Expected, report: ConfigRepor
 def _parameters(files: List[LaunchFile], name: str) -> Iterator[Tuple[LaunchFile, Element, str]]:
     """Return each setting of a parameter, with its value as far as it is known."""
     for launch in files:
-        for element in launch.root.walk():
-            if element.tag == "param" and not launch.is_off(element) and (
+        for element in launch.started():
+            if element.tag == "param" and (
                     element.get("name") == name or element.get("name").endswith("/" + name)):
                 yield launch, element, launch.resolved(element.get("value"))
 
@@ -124,7 +124,8 @@ def _check_managers(files: List[LaunchFile], report: ConfigReport) -> None:
                    "launch")
     for launch in files:
         for arg in launch.root.all("arg"):
-            if arg.get("name") == "fake_execution" and launch.resolved(arg.get("default")).lower() in ("true", "1"):
+            if arg.get("name") == "fake_execution" and not launch.is_off(arg) and launch.resolved(
+                    arg.get("default")).lower() in ("true", "1"):
                 report.add(MUST_CHANGE, "fake_execution is true by default: no plan would reach the arm", launch.file,
                            arg.line)
 
@@ -138,9 +139,9 @@ def _chosen(files: List[LaunchFile]) -> List[str]:
     for launch in files:
         if launch.is_demo:
             continue
-        for element in launch.root.walk():
+        for element in launch.started():
             if (element.tag == "arg" and element.get("name") == "moveit_controller_manager"
-                    and not launch.is_off(element) and not _MANAGER_FILE.search(launch.file)):
+                    and not _MANAGER_FILE.search(launch.file)):
                 names.append(launch.resolved(element.attributes.get("value", element.get("default"))))
     return [name for name in names if "$(" not in name and "/" not in name]
 
@@ -153,27 +154,30 @@ def _check_nodes(launch: LaunchFile, report: ConfigReport) -> None:
         return
     is_for_the_arm = any(
         arg.get("name") == "fake_execution" and launch.resolved(arg.get("value")).lower() in ("false", "0")
-        for include in launch.root.walk() if include.tag == "include" for arg in include.all("arg"))
+        for include in launch.started() if include.tag == "include" for arg in include.all("arg"))
+    started = set(map(id, launch.started()))
     for node in launch.root.walk():
         if node.tag != "node":
             continue
+        is_off = id(node) not in started
         program = node.get("type") or node.get("pkg")
         if node.get("pkg").startswith("joint_state_publisher"):
-            _check_publisher(node, launch, is_for_the_arm, report)
+            _check_publisher(node, launch, is_off, is_for_the_arm, report)
         elif node.get("pkg") == "controller_manager":
             report.add(ADVICE, "starts %s of controller_manager: leave this file out, the driver needs none" % program,
                        launch.file, node.line)
-        elif node.get("pkg") == "robot_state_publisher" and not launch.is_off(node):
+        elif node.get("pkg") == "robot_state_publisher" and not is_off:
             report.add(ADVICE, "starts robot_state_publisher: start the driver with publish_tf:=tool (or none) and "
                        "~publish_description false, so that one program publishes each link", launch.file, node.line)
 
 
-def _check_publisher(node: Element, launch: LaunchFile, is_for_the_arm: bool, report: ConfigReport) -> None:
+def _check_publisher(node: Element, launch: LaunchFile, is_off: bool, is_for_the_arm: bool,
+                     report: ConfigReport) -> None:
     sources = " ".join(element.text or element.get("value") for element in node.children
                        if (element.get("param") or element.get("name")).endswith("source_list"))
     repeats = re.search(r"(?<![\w/])/?joint_states", sources) is not None
     condition = "".join(" (%s %s)" % (key, node.get(key)) for key in ("if", "unless") if key in node.attributes)
-    if launch.is_off(node):
+    if is_off:
         report.add(ADVICE, "starts joint_state_publisher%s, by default not: never beside the driver" % condition,
                    launch.file, node.line)
     elif repeats or is_for_the_arm:
@@ -200,7 +204,7 @@ def _check_server(launch: LaunchFile, expected: Expected, report: ConfigReport) 
 
 
 def _model_of(launch: LaunchFile) -> Optional[str]:
-    for element in launch.root.walk():
+    for element in launch.started():
         if element.tag == "param" and element.get("name") == "model":
             value = launch.resolved(element.get("value"))
             return None if "$(" in value else value

@@ -3,7 +3,7 @@
 An ``$(arg NAME)`` is replaced by the value or default that the same file gives it.
 """
 import re
-from typing import Dict, FrozenSet, Iterator, List, NamedTuple
+from typing import Dict, FrozenSet, Iterator, List, NamedTuple, Optional
 
 from jaka_migration.bounded_files import Element, Unreadable, read_xml
 from jaka_migration.package import Package
@@ -20,7 +20,8 @@ class LaunchFile(NamedTuple):
     Attributes:
         file: Its name, relative to the package.
         root: Its root element.
-        arguments: Values that it gives to its own arguments, or their defaults.
+        arguments: Values that it gives to its own arguments, or their defaults; ``$(arg NAME)`` itself where it
+            depends on what is not known which of them is taken.
         declared: All arguments that it has, with a value or without.
     """
 
@@ -57,9 +58,27 @@ class LaunchFile(NamedTuple):
 
     def is_off(self, element: Element) -> bool:
         """Return whether an element is left out by its own ``if`` or ``unless``, as far as that is known."""
-        words = [self.resolved(element.get(key)).lower() if key in element.attributes else "" for key in (
-            "if", "unless")]
-        return words[0] in ("false", "0") or words[1] in ("true", "1")
+        return self.condition(element) is False
+
+    def condition(self, element: Element) -> Optional[bool]:
+        """Return whether an element is taken by its own ``if`` and ``unless``; None where that is not known."""
+        is_known = True
+        for key, is_meant in (("if", True), ("unless", False)):
+            if key in element.attributes:
+                word = self.resolved(element.get(key)).lower()
+                if word in ("true", "1", "false", "0") and (word in ("true", "1")) is not is_meant:
+                    return False
+                is_known &= word in ("true", "1", "false", "0")
+        return True if is_known else None
+
+    def take(self, arg: Element, group: Optional[Element] = None) -> None:
+        """Put in the value of an argument, which is the file's own or a group's, where none has it yet."""
+        conditions = [self.condition(arg), True if group is None else self.condition(group)]
+        if "value" not in arg.attributes and "default" not in arg.attributes or False in conditions:
+            return
+        name = arg.get("name")
+        value = arg.attributes.get("value", arg.get("default")) if None not in conditions else "$(arg %s)" % name
+        self.arguments.setdefault(name, value[:_LONGEST_VALUE])
 
 
 def read_launch_files(package: Package, names: List[str], report: ConfigReport) -> List[LaunchFile]:
@@ -73,11 +92,12 @@ def read_launch_files(package: Package, names: List[str], report: ConfigReport) 
         except Unreadable as error:
             report.broken(str(error), file, error.line)
             continue
-        arguments: Dict[str, str] = {}
-        own = root.all("arg") + [arg for group in root.all("group") for arg in group.all("arg")]
-        for arg in own:
-            if "value" in arg.attributes or "default" in arg.attributes:
-                value = arg.attributes.get("value", arg.get("default"))
-                arguments.setdefault(arg.get("name"), value[:_LONGEST_VALUE])
-        found.append(LaunchFile(file, root, arguments, frozenset(arg.get("name") for arg in own)))
+        groups = [(arg, group) for group in root.all("group") for arg in group.all("arg")]
+        launch = LaunchFile(file, root, {}, frozenset(
+            arg.get("name") for arg in root.all("arg") + [arg for arg, _ in groups]))
+        for arg in root.all("arg"):
+            launch.take(arg)
+        for arg, group in groups:
+            launch.take(arg, group)
+        found.append(launch)
     return found
