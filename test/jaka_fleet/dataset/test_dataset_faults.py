@@ -15,8 +15,8 @@ from program_places import command_of
 from jaka_bag.cli.main import main
 from jaka_fleet.dataset import adding
 from jaka_fleet.dataset.query import DataSet
-from jaka_fleet.dataset.runs import compact, read_runs
-from jaka_fleet.dataset.store import open_store
+from jaka_fleet.dataset.runs import check_version, compact, read_runs
+from jaka_fleet.dataset.store import FolderStore, open_store
 
 PATIENCE_S = 150
 KILLS_ITSELF = [sys.executable, "-c", """
@@ -165,6 +165,56 @@ def test_two_writers_and_one_who_compacts_do_not_disturb_each_other(tmp_path, lo
     assert found == {name: data for name, data in undisturbed.items() if not name.startswith("runs/")}
     rows = read_runs(open_store(str(target)))
     assert rows == read_runs(open_store(str(logs.parent / "undisturbed"))) and len(rows) == 6
+
+
+def test_one_log_that_is_added_twice_at_once_for_two_cells_is_in_once(tmp_path, logs, monkeypatch, capsys):
+    target, log = tmp_path / "fleet", logs / "press_1" / "day_0.mcap"
+    real = adding.write_row
+
+    def another_is_faster(row, path):
+        monkeypatch.setattr(adding, "write_row", real)
+        assert add(log, target, "--jobs", "1", "--cell", "right") == 0
+        real(row, path)
+
+    monkeypatch.setattr(adding, "write_row", another_is_faster)
+    capsys.readouterr()
+    assert main(["dataset", "add", str(log), "--to", str(target), "--jobs", "1", "--cell", "left", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert not document["added"] and [one["reason"] for one in document["skipped"]] == ["it is in the data set"]
+    row, = read_runs(open_store(str(target)))
+    assert row.cell == "right" and not staged(target) and not any("left-" in name for name in tree(target))
+    assert len(tree(target)) == 8
+
+
+def test_two_programs_that_make_a_data_set_at_once_both_have_it(tmp_path, monkeypatch):
+    store, real = open_store(str(tmp_path / "fleet")), FolderStore.names
+
+    def another_is_faster(self, folder):
+        monkeypatch.setattr(FolderStore, "names", real)
+        check_version(open_store(store.location), is_to_be_made=True)
+        return real(self, folder)
+
+    monkeypatch.setattr(FolderStore, "names", another_is_faster)
+    check_version(store, is_to_be_made=True)
+    check_version(store)
+
+
+@pytest.mark.parametrize("cell", ["p" * 300, "\u673a" * 300, "/".join("ab" * 200)])
+def test_a_cell_of_any_length_is_added(tmp_path, logs, cell):
+    target = tmp_path / "fleet"
+    assert add(logs / "press_1" / "day_0.mcap", target, "--jobs", "1", "--cell", cell) == 0
+    assert len(tree(target)) == 8 and read_runs(open_store(str(target)))[0].cell == cell
+
+
+def test_a_name_that_no_file_can_have_does_not_keep_others_from_being_removed(tmp_path, logs, undisturbed):
+    target = tmp_path / "fleet"
+    killed = start([*KILLS_ITSELF, 5, 9, "dataset", "add", logs, "--to", target, "--jobs", "1"])
+    killed.communicate(timeout=PATIENCE_S)
+    left, = staged(target)
+    plan = target / ".staging" / left / "plan.json"
+    plan.write_text(json.dumps(["%s.parquet" % ("p" * 300), *json.loads(plan.read_text())]))
+    assert add(logs, target) == 0
+    assert tree(target) == undisturbed and not staged(target)
 
 
 def test_ctrl_c_leaves_no_log_half_in_and_says_what_is_left(tmp_path, logs, undisturbed):

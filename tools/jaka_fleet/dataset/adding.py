@@ -51,6 +51,7 @@ UNNAMED = "unnamed"
 """The cell of a log for which nothing names one."""
 _HASH_PIECE = 1 << 20
 _HASH_LENGTH = 12
+_LONGEST_CELL = 100
 _SEQUENCE = "header.seq"
 _EPOCH = datetime(1970, 1, 1)
 
@@ -109,8 +110,8 @@ def cell_of(settings: AddSettings, path: str, told: str) -> str:
 
 
 def file_name(cell: str, run: str) -> str:
-    """Name of a log's tables."""
-    return "%s-%s.parquet" % (re.sub(r"[^\w.+]", "_", cell, flags=re.ASCII), run)
+    """Name of a log's tables; of a long cell its beginning, as a name has at most 255 bytes; the run is its own."""
+    return "%s-%s.parquet" % (re.sub(r"[^\w.+]", "_", cell, flags=re.ASCII)[:_LONGEST_CELL], run)
 
 
 def _files_of(path: str) -> List[str]:
@@ -165,15 +166,22 @@ def add_log(task: LogTask) -> LogResult:
         return LogResult(task.path, SKIPPED, "it is being written")
     with contextlib.ExitStack() as stack:
         source = _Source(task.path, [stack.enter_context(open_for_reading(path)) for path in _files_of(task.path)])
-        status = find_status(store, source.hash)
-        if status is not None and not (settings.is_again and status == UNREADABLE):
-            return LogResult(task.path, SKIPPED, "it is in the data set", source.size, 0, source.hash)
+
+        def is_to_be_added() -> bool:
+            status = find_status(store, source.hash)
+            return status is None or settings.is_again and status == UNREADABLE
+
+        is_there = LogResult(task.path, SKIPPED, "it is in the data set", source.size, 0, source.hash)
+        if not is_to_be_added():
+            return is_there
         with store.staging() as staging:
             row, tables = _read(source, settings, staging)
             source.check_unchanged()
             row_path = staging.folder / "row"
             write_row(row, row_path)
-            staging.publish([*tables, (row_path, name_of(row.hash))])
+            # another program may have added the same log meanwhile, and under another cell, with other names
+            if not staging.publish([*tables, (row_path, name_of(row.hash))], is_to_be_added):
+                return is_there
     return LogResult(task.path, DONE, row.reason, source.size, row.messages, row)
 
 

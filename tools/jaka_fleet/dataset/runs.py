@@ -147,7 +147,8 @@ def check_version(store: Store, is_to_be_made: bool = False) -> None:
     if not store.exists(_VERSION_FILE):
         if not is_to_be_made:
             raise BagError("%s is no data set of jaka_bag" % store.location)
-        if any(not name.startswith(".") for name in store.names("")):
+        # whoever makes it at the same time may have done so since the first look
+        if any(not name.startswith(".") for name in store.names("")) and not store.exists(_VERSION_FILE):
             raise BagError("%s is no data set of jaka_bag, and not empty" % store.location)
         with store.staging() as staging:
             path = staging.folder / _VERSION_FILE

@@ -1,10 +1,12 @@
 """The place of a data set: a folder, or what fsspec reaches by a URL, as ``s3://``.
 
 Files appear whole: they are made in a folder of their own beside the data set (``Staging``), then given their names. In
-a folder, those who publish hold a shared lock for these few renames, and who tidies up or compacts holds it alone, so
-none of them sees the other's work half done. An object store has no such lock: one program at a time may compact there.
+a folder, who publishes, tidies up or compacts holds a lock alone for these few renames, and who reads the table of runs
+shares it, so none of them sees the other's work half done. An object store has no such lock: one program at a time may
+compact there, and two that add the same log at the same time may both do it.
 """
 import contextlib
+import errno
 import fcntl
 import importlib
 import json
@@ -37,11 +39,15 @@ class Staging:
         self.folder = folder
         self.is_unfinished = False
 
-    def publish(self, files: Sequence[Tuple[Path, str]]) -> None:
+    def publish(self, files: Sequence[Tuple[Path, str]], is_wanted: Callable[[], bool] = lambda: True) -> bool:
         """Give files their names in the data set, in this order: what the last one tells of is there when it appears.
 
         Args:
             files: Path here, and name in the data set.
+            is_wanted: Is asked while nobody else can publish; where it says no, nothing is done.
+
+        Returns:
+            Whether it was wanted.
 
         Raises:
             OSError: The system refused; nothing, or all but the last, may have its name. ``tidy_up`` takes back those.
@@ -49,11 +55,14 @@ class Staging:
         for path, _ in files:
             _flush(path)
         (self.folder / _PLAN).write_text(json.dumps([name for _, name in files]), encoding="utf-8")
-        with self._store.shared():
+        with self._store.alone():
+            if not is_wanted():
+                return False
             self.is_unfinished = True
             for path, name in files:
                 self._store.place(path, name)
             self.is_unfinished = False
+        return True
 
     def place(self, path: Path, name: str) -> None:
         """Give one file its name, for whoever is alone."""
@@ -113,7 +122,7 @@ class Store:
 
     @contextlib.contextmanager
     def shared(self) -> Iterator[None]:
-        """Let others publish at the same time, but not tidy up or compact."""
+        """Let others read at the same time, but nobody publish, tidy up or compact."""
         yield
 
     @contextlib.contextmanager
@@ -202,11 +211,16 @@ class FolderStore(Store):
         with self.alone():
             for folder in dead:
                 names = self._published_by(folder)
+                is_left = False
                 for name in names if names and not is_in(names[-1]) else ():
-                    if self.exists(name):
-                        self.remove(name)
-                        removed.append(name)
-                shutil.rmtree(str(folder), ignore_errors=True)
+                    try:
+                        if self.exists(name):
+                            self.remove(name)
+                            removed.append(name)
+                    except OSError as error:  # no file has a name that is too long
+                        is_left |= error.errno != errno.ENAMETOOLONG
+                if not is_left:
+                    shutil.rmtree(str(folder), ignore_errors=True)
         return removed
 
     @staticmethod
