@@ -3,6 +3,7 @@ import csv
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 
@@ -165,6 +166,70 @@ def test_topics_whose_type_has_changed_are_one_table(tmp_path):
     assert main(["dataset", "add", str(tmp_path), "--to", str(tmp_path / "fleet"), "--jobs", "1", "--quiet"]) == 0
     assert ask(tmp_path / "fleet", "SELECT a, b FROM odd ORDER BY b NULLS FIRST") == [
         {"a": "x", "b": None}, {"a": "x", "b": 9}]
+
+
+PART = "string date\nstring topic\nstring filename\n"
+
+
+def write_part(path, second=0):
+    from log_samples import Sample, connection, text
+    data = text("yesterday") + text("weld") + text("a.nc")
+    return write(path, [Sample(connection("/part", "shop/Part", PART), START_NS + second * 10**9, data)])
+
+
+@pytest.mark.parametrize("place", ["fleet", "cell=A/date=1999-01-01/fleet", "b[1]*/fleet"])
+def test_no_part_of_the_path_takes_the_place_of_a_column(tmp_path, place):
+    log, target = write_part(tmp_path / "a.bag"), tmp_path / place
+    target.parent.mkdir(parents=True, exist_ok=True)
+    assert main(["dataset", "add", str(log), "--to", str(target), "--cell", "B", "--jobs", "1", "--quiet"]) == 0
+    question = "SELECT cell, date_, topic_, filename, CAST(date AS VARCHAR) AS day FROM part WHERE date = '2023-11-14'"
+    expected = {"cell": "B", "date_": "yesterday", "topic_": "weld", "filename": "a.nc", "day": "2023-11-14"}
+    assert ask(target, question) == [expected]
+    assert set(ask(target, "SELECT * FROM part")[0]) == {
+        "cell", "run", "log_time", "date_", "topic_", "filename", "date"}
+    file, = target.glob("topic=part/*/*.parquet")
+    assert parquet.ParquetFile(str(file)).schema_arrow.names[3:] == ["date_", "topic_", "filename"]
+
+
+def test_a_data_set_whose_columns_have_names_of_folders_is_asked_as_before_and_added_to(tmp_path):
+    import pyarrow
+    target = tmp_path / "fleet"
+    for number in range(2):
+        log = write_part(tmp_path / ("%d.bag" % number), number)
+        assert main(["dataset", "add", str(log), "--to", str(target), "--jobs", "1", "--quiet"]) == 0
+    for path in sorted(target.glob("topic=part/*/*.parquet"))[:1]:  # as earlier versions wrote it
+        table = parquet.ParquetFile(str(path)).read()
+        assert isinstance(table, pyarrow.Table)
+        parquet.write_table(table.rename_columns([name.rstrip("_") for name in table.column_names]), str(path))
+    assert ask(target, "SELECT date_, topic_, count(*) AS rows FROM part GROUP BY ALL") == [
+        {"date_": "yesterday", "topic_": "weld", "rows": 2}]
+
+
+def test_a_condition_on_the_date_leaves_the_files_of_other_days_alone(fleet, tmp_path):
+    shutil.copytree(str(fleet), str(tmp_path / "fleet"))
+    for path in (tmp_path / "fleet" / "topic=jaka_driver.robot_states" / "date=2023-11-15").iterdir():
+        path.write_bytes(b"no table")
+    row, = ask(tmp_path / "fleet", "SELECT count(*) AS rows FROM robot_states WHERE date < '2023-11-15'")
+    assert row["rows"] > 100
+
+
+def test_columns_that_a_type_of_ros_2_got_later_are_there(tmp_path):
+    # its channels have no MD5 sum that tells one definition from another
+    from mcap.writer import Writer
+    for number, fields in enumerate((["fx"], ["fx", "fz"])):
+        with (tmp_path / ("%d.mcap" % number)).open("wb") as file:
+            writer = Writer(file)
+            writer.start("ros2", "test")
+            schema = writer.register_schema("shop/msg/Force", "ros2msg", "".join(
+                "float64 %s\n" % name for name in fields).encode())
+            channel = writer.register_channel("/force", "cdr", schema)
+            values = struct.pack("<%dd" % len(fields), *range(number, number + len(fields)))
+            at = START_NS + number * 10**9
+            writer.add_message(channel, at, b"\0\1\0\0" + values, at)
+            writer.finish()
+    assert main(["dataset", "add", str(tmp_path), "--to", str(tmp_path / "fleet"), "--jobs", "1", "--quiet"]) == 0
+    assert ask(tmp_path / "fleet", "SELECT fx, fz FROM force ORDER BY fx") == [
+        {"fx": 0.0, "fz": None}, {"fx": 1.0, "fz": 2.0}]
 
 
 def test_a_data_set_in_memory_is_asked_through_fsspec(tmp_path):

@@ -3,7 +3,7 @@ import contextlib
 import importlib
 from concurrent.futures import Executor, Future
 from types import TracebackType
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple, Type
 
 import numpy as np
 
@@ -78,6 +78,7 @@ class ParquetTable:
         compression: A codec of Parquet.
         encoder: Executor that compresses and writes, while the next messages are added; it must outlive the block.
             None: the calling thread.
+        reserved: Further names of which a field gets a ``_`` appended.
 
     Attributes:
         count: Messages so far.
@@ -88,13 +89,14 @@ class ParquetTable:
 
     def __init__(self, file: Any, constants: Optional[Mapping[str, str]] = None,
                  metadata: Optional[Mapping[str, str]] = None, compression: str = "snappy",
-                 encoder: Optional[Executor] = None) -> None:
+                 encoder: Optional[Executor] = None, reserved: Iterable[str] = ()) -> None:
         self._pa, self._parquet = load_pyarrow()
         self._file = file
         self._constants = dict(constants or {})
         self._metadata = dict(metadata or {})
         self._compression = compression
         self._encoder = encoder
+        self._reserved = tuple(reserved)
         self._writing: Optional[Future[None]] = None
         self._stack = contextlib.ExitStack()
         self._writer: Any = None
@@ -108,7 +110,7 @@ class ParquetTable:
         made: Dict[str, Any] = {name: pa.repeat(pa.scalar(value, pa.string()), len(columns.log_time))
                                 for name, value in self._constants.items()}
         made["log_time"] = pa.array(columns.log_time, pa.timestamp("ns", "UTC"))
-        names = column_names(columns.fields, list(made))
+        names = column_names(columns.fields, [*made, *self._reserved])
         for name, values in columns.fields.items():
             made[names[name]] = _arrow_column(pa, leaf(name), values)
         table = pa.table(made)

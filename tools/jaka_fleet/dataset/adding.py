@@ -34,6 +34,7 @@ from .log_facts import read_facts
 from .runs import (
     COMPRESSION,
     RECOVERED,
+    RESERVED,
     UNREADABLE,
     WHOLE,
     RunRow,
@@ -284,7 +285,7 @@ class _Tables:
     def _table(self, topic: str, file: BinaryIO) -> ParquetTable:
         first = self._first[topic]
         return ParquetTable(file, {"cell": self._cell, "run": self._run}, metadata_of(
-            topic, first.datatype, first.md5sum, self._source.hash), COMPRESSION)
+            topic, first.datatype, first.md5sum, self._source.hash), COMPRESSION, reserved=RESERVED)
 
     def _look_at_sequence(self, topic: str, some: Columns) -> None:
         """Count the numbers that are skipped, of a topic with one publisher."""

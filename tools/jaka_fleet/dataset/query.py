@@ -13,10 +13,14 @@ from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Type
 from jaka_bag.errors import MissingDependency, UsageError
 from jaka_bag.messages.table_names import unique_names
 
-from .runs import check_version, folder_of, read_table, with_plain_times
+from .runs import RESERVED, check_version, folder_of, read_table, with_plain_times
 from .store import open_store
 
 _BATCH_ROWS = 100000
+_RENAMED = {name + end for name in RESERVED for end in ("", "_")}
+_PATH = "path of the file"
+"""Name of DuckDB's column where a field is called ``filename``: one that no field has."""
+_PATTERN = re.compile(r"([*?\[])")
 
 
 def load_duckdb() -> Any:
@@ -50,6 +54,10 @@ def view_names(topics: List[str]) -> Dict[str, str]:
 def _view_name(name: str) -> str:
     plain = re.sub(r"\W", "_", name.strip("/"), flags=re.ASCII)
     return plain + "_" if plain.lower() == "runs" else plain
+
+
+def _quoted(name: str) -> str:
+    return '"%s"' % name.replace('"', '""')
 
 
 class DataSet:
@@ -90,26 +98,50 @@ class DataSet:
         """Make the views that a question may mean: to look at all files of all topics would take longer than it."""
         for name in sorted(set(re.findall(r"\w+", question)) & set(self.views) - self._made):
             topic = self.views[name]
-            files = self._store.address("%s/*/*.parquet" % folder_of(topic)).replace("'", "''")
-            source = "read_parquet('%s', hive_partitioning = true, union_by_name = %s)" % (
-                files, "true" if len(self._types[topic]) > 1 else "false")
-            columns = ", ".join(self._column(*column[:2]) for column in self._connection.execute(
-                "DESCRIBE SELECT * EXCLUDE (topic) FROM " + source).fetchall())
-            self._connection.execute('CREATE VIEW "%s" AS SELECT %s FROM %s WHERE run IN (SELECT run FROM runs)'
-                                     % (name, columns, source))
+            self._connection.execute('CREATE VIEW "%s" AS %s' % (name, self._selection(topic)))
             self._made.add(name)
 
+    def _selection(self, topic: str) -> str:
+        """Return the question of a topic's view: the columns of its files, and the date that their folders have."""
+        # a part of the location that looks like a pattern, or like a partition (cell=A), is neither
+        place = _PATTERN.sub(r"[\1]", self._store.address(folder_of(topic))) + "/*/*.parquet"
+        source = "read_parquet('%s', hive_partitioning = false, union_by_name = %%s%%s)" % (
+            place.replace("'", "''").replace("%", "%%"))
+        # types of ROS 2 have no MD5 sum, so nothing tells whether theirs has changed
+        is_one = len(self._types[topic]) == 1 and "" not in self._types[topic]
+        kinds = self._kinds(source % ("false" if is_one else "true", ""))
+        if is_one and not _RENAMED.isdisjoint(kinds):  # an earlier version wrote these without the _
+            is_one, kinds = False, self._kinds(source % ("true", ""))
+        columns = []
+        for name, kind in kinds.items():
+            value, shown = self._value(_quoted(name), kind), name
+            if name.lower() in RESERVED:
+                shown += "_"
+                if shown in kinds:
+                    continue
+            elif name[:-1] in kinds and name.endswith("_") and name[:-1].lower() in RESERVED:
+                value = "coalesce(%s, %s)" % (value, self._value(_quoted(name[:-1]), kinds[name[:-1]]))
+            columns.append("%s AS %s" % (value, _quoted(shown)))
+        # another name than filename makes DuckDB before version 1.3 open the files of all dates
+        path = "filename" if "filename" not in map(str.lower, kinds) else _quoted(_PATH)
+        columns.append("TRY_CAST(regexp_extract(%s, '/date=([^/]*)/[^/]*$', 1) AS DATE) AS date" % path)
+        return "SELECT %s FROM %s WHERE run IN (SELECT run FROM runs)" % (", ".join(columns), source % (
+            "false" if is_one else "true", ", filename = %s" % ("true" if path == "filename" else "'%s'" % _PATH)))
+
+    def _kinds(self, source: str) -> Dict[str, str]:
+        """Return the types of the columns of files, by name."""
+        return {row[0]: row[1] for row in self._connection.execute("DESCRIBE SELECT * FROM " + source).fetchall()}
+
     @staticmethod
-    def _column(name: str, kind: str) -> str:
-        """Return a column as a view gives it: times as TIMESTAMP in UTC, which all functions of DuckDB take."""
-        quoted = '"%s"' % name.replace('"', '""')
+    def _value(quoted: str, kind: str) -> str:
+        """Return a column's value as a view gives it: times as TIMESTAMP in UTC, which all functions of DuckDB take."""
         if not kind.startswith("TIMESTAMP"):
             return quoted
         # in two steps: DuckDB 2 has no cast from nanoseconds with a time zone
         if kind.endswith("[]"):
-            return "%s::TIMESTAMPTZ[]::TIMESTAMP[] AS %s" % (quoted, quoted)
+            return "%s::TIMESTAMPTZ[]::TIMESTAMP[]" % quoted
         # a cast that takes the time zone off asks a calendar for each row: half the time of a question that groups rows
-        return "make_timestamp(epoch_us(%s::TIMESTAMPTZ)) AS %s" % (quoted, quoted)
+        return "make_timestamp(epoch_us(%s::TIMESTAMPTZ))" % quoted
 
     def ask(self, question: str) -> Tuple[Any, Iterator[Any]]:
         """Return the answer to a question: its ``pyarrow.Schema``, and record batches.

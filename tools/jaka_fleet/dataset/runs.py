@@ -17,6 +17,8 @@ SCHEMA_VERSION = 1
 """Version of the tables; a data set of another one is not touched."""
 FOLDER = "runs"
 COMPACTED = "compacted.parquet"
+RESERVED = ("date", "topic")
+"""Names that the folders of tables give: a column of a table has a ``_`` more."""
 COMPACT_ABOVE = 64
 """Number of rows in files of their own that are left alone."""
 WHOLE, RECOVERED, UNREADABLE = "whole", "recovered", "unreadable"
