@@ -46,6 +46,8 @@ class GraphView:
     def parameters(self, names: Sequence[str]) -> List[Parameter]:
         """Return parameters by name, all where no name is given; parameters that are not set are left out. Thread-safe.
 
+        Each is returned once, under the first of the names that mean it.
+
         Raises:
             ConnectionLost: The master does not answer.
             ProtocolError: The master refuses.
@@ -54,7 +56,10 @@ class GraphView:
             tree = self._master.call("getParam", "/")
         if not names:
             return parameters_of("/", tree)
-        return [parameter_of(name, value) for name in names for value in _below(tree, name)]
+        paths: Dict[Tuple[str, ...], str] = {}
+        for name in names:  # /a, /a/ and //a are one
+            paths.setdefault(tuple(filter(None, name.split("/"))), name)
+        return [parameter_of(name, value) for path, name in paths.items() for value in _below(tree, path)]
 
     def whole_graph(self) -> Optional[Frame]:
         """Return the graph as it was last seen; None where it was not looked at."""
@@ -106,9 +111,9 @@ class GraphView:
         return graph_update(changed[0], changed[1], changed[2], topics, gone)
 
 
-def _below(tree: Any, name: str) -> List[Any]:
-    """Return the value at a name of the parameter server's tree as a list of one; empty where there is none."""
-    for part in filter(None, name.split("/")):
+def _below(tree: Any, path: Sequence[str]) -> List[Any]:
+    """Return the value at a path of the parameter server's tree as a list of one; empty where there is none."""
+    for part in path:
         if not isinstance(tree, dict) or part not in tree:
             return []
         tree = tree[part]

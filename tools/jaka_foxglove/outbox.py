@@ -8,6 +8,8 @@ _HEAD_BYTES = 128
 """Memory, byte, that a waiting message takes besides its payload, roughly."""
 MAX_ANSWERS = 1024
 """Answers that may wait; a viewer that asks for more without reading them is disconnected."""
+MAX_ANSWER_BYTES = 32 << 20
+"""Bytes of answers that may wait, or the limit of messages where that is more; one may wait whatever its size."""
 
 Frame = Union[str, bytes]
 
@@ -38,6 +40,8 @@ class Outbox:
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
+        self._answer_limit = max(limit, MAX_ANSWER_BYTES)
+        self._answer_size = 0
         self._messages: Deque[Tuple[int, _Message]] = collections.deque()
         self._answers: Deque[Tuple[int, Frame]] = collections.deque()
         self._number = 0
@@ -54,8 +58,9 @@ class Outbox:
 
     def answer(self, frame: Frame) -> bool:
         """Add a frame that must not be lost; return False where too many of them wait already."""
-        if len(self._answers) >= MAX_ANSWERS:
+        if len(self._answers) >= MAX_ANSWERS or self._answers and self._answer_size + len(frame) > self._answer_limit:
             return False
+        self._answer_size += len(frame)
         self._answers.append((self._next_number(), frame))
         return True
 
@@ -84,7 +89,9 @@ class Outbox:
     def take(self) -> Optional[Frame]:
         """Remove and return the next frame; None where nothing waits."""
         if self._answers and (not self._messages or self._answers[0][0] < self._messages[0][0]):
-            return self._answers.popleft()[1]
+            frame = self._answers.popleft()[1]
+            self._answer_size -= len(frame)
+            return frame
         if not self._messages:
             return None
         message = self._messages.popleft()[1]

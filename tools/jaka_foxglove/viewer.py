@@ -11,8 +11,8 @@ from .source import ChannelSource, Recipient
 
 _MAX_ERRORS = 32
 """Number of invalid messages after which a viewer is disconnected."""
-_MAX_WATCHED = 10000
-"""Names of parameters that one viewer may watch."""
+_MAX_PARAMETERS = 10000
+"""Names of parameters that one viewer may watch, or ask for at once."""
 _CALM_S = 5.0
 """Time, s, without a dropped message after which a viewer is informed that it keeps up again."""
 _SLOW = "slow"
@@ -21,6 +21,18 @@ _SLOW_TEXT = "messages are left out: this viewer, or the link to it, is too slow
 
 class TooMuch(Exception):
     """The viewer asks for more than it may have, and is disconnected; the text gives the reason."""
+
+
+def _once(names: Tuple[str, ...]) -> Tuple[str, ...]:
+    """Return each name once: a short request must not have the whole tree of parameters sent a thousand times.
+
+    Raises:
+        TooMuch: There are too many.
+    """
+    names = tuple(dict.fromkeys(names))
+    if len(names) > _MAX_PARAMETERS:
+        raise TooMuch("it asks for more than %d parameters at once" % _MAX_PARAMETERS)
+    return names
 
 
 class Viewer(Recipient):
@@ -168,10 +180,10 @@ class Viewer(Recipient):
                 self._unsubscribe(subscription)
             self._changed()
         elif isinstance(request, protocol.GetParameters):
-            return self._answer_parameters(request.names, request.request)
+            return self._answer_parameters(_once(request.names), request.request)
         elif isinstance(request, protocol.SetParameters):
             self._complain("parameters are read-only here")
-            return self._answer_parameters(request.names, request.request)
+            return self._answer_parameters(_once(request.names), request.request)
         elif isinstance(request, protocol.WatchParameters):
             self._watch_parameters(request)
             self._changed()
@@ -215,8 +227,8 @@ class Viewer(Recipient):
             self._watched.clear()
         elif request.is_wanted:
             self._watched.update(request.names)
-            if len(self._watched) > _MAX_WATCHED:
-                raise TooMuch("it watches more than %d parameters" % _MAX_WATCHED)
+            if len(self._watched) > _MAX_PARAMETERS:
+                raise TooMuch("it watches more than %d parameters" % _MAX_PARAMETERS)
         else:
             self._watched.difference_update(request.names)
 
