@@ -85,6 +85,28 @@ def test_a_service_without_an_address_leaves_the_others_shown(uri):
         assert shown({"/a": uri, "/b": good}) == ["/b"]
 
 
+def test_a_node_that_hangs_holds_up_neither_the_watch_nor_the_others():
+    with socket.socket() as hung, server_of(GOOD) as good:
+        hung.bind(("127.0.0.1", 0))
+        hung.listen(8)  # it takes links, and never says a word
+        silent = "rosrpc://127.0.0.1:%d" % hung.getsockname()[1]
+        master = Master({"/a": silent, "/b": silent, "/c": good})
+        calls, found = ServiceCalls("/viewers", "/", lambda text: None), []
+        for _ in range(2):
+            since = time.monotonic()
+            calls._due = 0.0
+            calls.look(master, lambda by_number, frames: found.append(
+                sorted(one.name for one in by_number.values())))
+            assert time.monotonic() - since < 4.0
+        assert found == [["/c"]]
+        with server_of(GOOD) as later:
+            master.services["/d"] = later
+            calls._due = 0.0
+            calls.look(master, lambda by_number, frames: found.append(
+                sorted(one.name for one in by_number.values())))
+        assert found[1:] == [["/c", "/d"]]
+
+
 @pytest.mark.parametrize("type_name", ["", "./x", "..", "cell_msgs/", "/", "cell_msgs/\0", "a b/c"])
 def test_a_service_whose_type_is_none_leaves_the_others_shown(type_name):
     with server_of(dict(GOOD, type=type_name)) as odd, server_of(GOOD) as good:

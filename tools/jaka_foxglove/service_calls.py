@@ -6,8 +6,9 @@ packages whose Python modules cannot be imported here are left out.
 import asyncio
 import importlib
 import struct
+import threading
 import time
-from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
 from urllib.parse import urlsplit
 
 from jaka_bag.errors import ConnectionLost, JakaBagError, ProtocolError
@@ -20,11 +21,17 @@ from .protocol import Service, advertise_services, unadvertise_services
 _LENGTH = struct.Struct("<I")
 _PERIOD_S = 2.0
 _CONNECT_TIMEOUT_S = 5.0
+_PATIENCE_S = 0.5
+"""Time, s, that new services are waited for; one that answers later is shown later."""
 _LARGEST_HEADER = 1 << 20
 _LARGEST_REPLY = 64 << 20
 
 Told = Callable[[Dict[int, Service], List[Frame]], None]
 """A callback for all services by number, and the frames with their changes."""
+
+
+_Place = Tuple[str, str]
+"""Name and address of a service."""
 
 
 class _Definition(NamedTuple):
@@ -149,7 +156,9 @@ class ServiceCalls:
         self._node = node
         self._prefix = prefix
         self._notice = notice
-        self._known: Dict[Tuple[str, str], Optional[Service]] = {}
+        self._known: Dict[_Place, Optional[Service]] = {}
+        self._asked: Set[_Place] = set()
+        self._answers: Dict[_Place, Union[Dict[str, str], Exception]] = {}
         self._md5sums: Dict[int, str] = {}
         self._shown: Dict[int, Service] = {}
         self._left_out: Set[str] = set()
@@ -169,15 +178,16 @@ class ServiceCalls:
             return
         self._due = now + _PERIOD_S
         names = sorted(str(name) for name, _ in master.call("getSystemState")[2])
-        shown: Dict[int, Service] = {}
+        places: List[_Place] = []
         for name in names:
             if name.startswith(self._prefix):
                 try:
-                    service = self._service(name, str(master.call("lookupService", name)))
+                    places.append((name, str(master.call("lookupService", name))))
                 except (ConnectionLost, ProtocolError):
-                    continue  # it has gone, or does not answer now; asked again the next time
-                if service is not None:
-                    shown[service.id] = service
+                    continue  # it has gone
+        self._ask([place for place in places if place not in self._known])
+        services = [self._known.get(place) for place in places]
+        shown = {service.id: service for service in services if service is not None}
         new = [one for number, one in shown.items() if number not in self._shown]
         gone = [number for number in self._shown if number not in shown]
         self._shown = shown
@@ -189,14 +199,42 @@ class ServiceCalls:
         if frames:
             tell(dict(shown), frames)
 
-    def _service(self, name: str, uri: str) -> Optional[Service]:
-        if (name, uri) not in self._known:
-            self._known[name, uri] = self._learn(name, asyncio.run(self._probe(name, uri)))
-        return self._known[name, uri]
+    def _ask(self, places: Sequence[_Place]) -> None:
+        """Ask services for their types, and learn what has come; none that hangs may hold up the watch of topics."""
+        new = [place for place in places if place not in self._asked and place not in self._answers]
+        if new:
+            self._asked.update(new)
+            asking = threading.Thread(target=lambda: asyncio.run(self._probe_all(new)), daemon=True)
+            asking.start()
+            asking.join(_PATIENCE_S)
+        for place in places:
+            answer = self._answers.pop(place, None)
+            if isinstance(answer, Exception):
+                raise answer  # what nobody foresaw
+            if answer is not None:
+                self._known[place] = self._learn(place[0], answer)
 
-    async def _probe(self, name: str, uri: str) -> Dict[str, str]:
-        async with _ServiceLink(self._node, name, uri, "*", True) as link:
-            return link.fields
+    async def _probe_all(self, places: Sequence[_Place]) -> None:
+        """Ask all nodes at the same time, each for one service after the other."""
+        nodes: Dict[str, List[_Place]] = {}
+        for place in places:
+            nodes.setdefault(place[1], []).append(place)
+        await asyncio.gather(*[self._probe_node(some) for some in nodes.values()])
+
+    async def _probe_node(self, places: Sequence[_Place]) -> None:
+        for place in places:
+            await self._probe(place)
+
+    async def _probe(self, place: _Place) -> None:
+        try:
+            async with _ServiceLink(self._node, *place, "*", True) as link:
+                self._answers[place] = link.fields
+        except (ConnectionLost, ProtocolError):
+            pass  # it does not answer now; asked again the next time
+        except Exception as error:
+            self._answers[place] = error
+        finally:
+            self._asked.discard(place)
 
     def _learn(self, name: str, fields: Dict[str, str]) -> Optional[Service]:
         type_name, md5sum = fields.get("type", ""), fields.get("md5sum", "")
