@@ -109,6 +109,34 @@ def test_triggers_of_a_black_box_are_in_the_row(tmp_path):
     assert (row.arm_model, row.controller_firmware, row.driver_version) == ("zu5", "1.5", "0.3")
 
 
+@pytest.mark.parametrize("name, values", [
+    ("jaka_bag.trigger", {"time_ns": "\u00b2", "kind": "error"}),
+    ("jaka_bag.trigger", {"time_ns": "9" * 25, "kind": "error"}), ("jaka_bag.trigger", {"time_ns": "9" * 5000}),
+    ("jaka_bag.drops", {"/jaka_driver/tool_position": '{"overflowed": %d, "unwritten": -5}' % 10**25})])
+def test_a_record_with_a_number_that_cannot_be_meant_leaves_the_log_whole(tmp_path, name, values):
+    from jaka_bag.operations.extras import attach
+    write(tmp_path / "run.mcap", state_log(0.2))
+    attach(tmp_path / "run.mcap", tmp_path / "with.mcap", [], [(name, values)])
+    assert add(tmp_path / "with.mcap", "--to", tmp_path / "fleet") == 0
+    row, = rows(tmp_path / "fleet")
+    assert row.status == WHOLE and row.lost == 0 and [trigger.at for trigger in row.triggers] in ([], [0])
+
+
+def test_a_log_that_was_recovered_and_is_whole_now_is_said_to_be_in_twice(tmp_path, capsys):
+    log, target = write(tmp_path / "a.bag", state_log(1.0)), tmp_path / "fleet"
+    whole = log.read_bytes()
+    log.write_bytes(whole[:len(whole) // 2])
+    assert add(log, "--to", target) == 0
+    recovered, = rows(target)
+    log.write_bytes(whole)
+    capsys.readouterr()
+    assert add(log, "--to", target) == 0
+    said = capsys.readouterr()
+    assert "note: %s: " % log in said.err + said.out and recovered.run in said.err + said.out
+    assert sorted(row.status for row in rows(target)) == [RECOVERED, WHOLE]
+    assert add(log, "--to", target) == 0 and "note" not in "".join(capsys.readouterr())
+
+
 def test_a_log_that_is_in_is_left_alone_under_any_name_and_as_a_copy(tmp_path, capsys):
     folder = tmp_path / "logs"
     write_plant(folder, 2, 2)

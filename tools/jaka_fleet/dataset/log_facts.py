@@ -3,6 +3,7 @@
 Reading raises ``BagFormatError`` where the log is damaged.
 """
 import json
+import re
 from typing import Any, Dict, Iterator, NamedTuple, Tuple
 
 from jaka_bag.containers.contract import LogReader
@@ -21,6 +22,8 @@ _LOST_COUNTS = ("undelivered", "overflowed", "unwritten")
 _VERSION_KEYS = {"driver": "driver_version", "controller": "controller_version", "model": "model"}
 _LOOKED_AT = 100
 """Messages of diagnostics until the driver's versions must have come."""
+_MOST_LOST = 1 << 40
+"""Messages that no recorder loses: a count from here on is none, and sums of those below fit into a table."""
 
 
 class LogFacts(NamedTuple):
@@ -66,7 +69,8 @@ def read_facts(reader: LogReader) -> LogFacts:
 
 
 def _whole(text: Any) -> int:
-    return int(text) if str(text).isdigit() else 0
+    """Return a time of a record, ns; 0 where it is none, or none that a table can hold."""
+    return int(text) if re.fullmatch("[0-9]{1,18}|[1-8][0-9]{18}", str(text)) else 0
 
 
 def _lost(text: str) -> int:
@@ -76,7 +80,7 @@ def _lost(text: str) -> int:
     except ValueError:
         return 0
     counts = [account.get(name) for name in _LOST_COUNTS] if isinstance(account, dict) else []
-    return sum(count for count in counts if isinstance(count, int))
+    return sum(count for count in counts if isinstance(count, int) and 0 <= count < _MOST_LOST)
 
 
 def _versions(reader: LogReader) -> Dict[str, str]:
