@@ -186,6 +186,21 @@ def test_one_log_that_is_added_twice_at_once_for_two_cells_is_in_once(tmp_path, 
     assert len(tree(target)) == 8
 
 
+def test_what_a_killed_run_published_of_a_log_is_gone_where_another_adds_it_meanwhile(tmp_path, logs, monkeypatch):
+    target, log = tmp_path / "fleet", logs / "press_1" / "day_0.mcap"
+    real = adding.write_row
+
+    def another_is_killed(row, path):
+        killed = start([*KILLS_ITSELF, 4, 9, "dataset", "add", log, "--to", target, "--jobs", "1", "--cell", "left"])
+        killed.communicate(timeout=PATIENCE_S)
+        assert killed.returncode == -signal.SIGKILL and any("left-" in name for name in tree(target))
+        real(row, path)
+
+    monkeypatch.setattr(adding, "write_row", another_is_killed)
+    assert add(log, target, "--jobs", "1", "--cell", "right") == 0
+    assert len(tree(target)) == 8 and not any("left-" in name for name in tree(target)) and not staged(target)
+
+
 def test_two_programs_that_make_a_data_set_at_once_both_have_it(tmp_path, monkeypatch):
     store, real = open_store(str(tmp_path / "fleet")), FolderStore.names
 

@@ -58,6 +58,7 @@ class Staging:
         with self._store.alone():
             if not is_wanted():
                 return False
+            self._store.take_back([name for _, name in files])
             self.is_unfinished = True
             for path, name in files:
                 self._store.place(path, name)
@@ -138,6 +139,9 @@ class Store:
         """
         return []
 
+    def take_back(self, names: Sequence[str]) -> None:
+        """Remove what killed programs published of the same last name, for whoever is alone and is to publish these."""
+
     def registered(self, connection: Any) -> None:
         """Make ``address`` readable for a DuckDB connection."""
 
@@ -204,23 +208,39 @@ class FolderStore(Store):
 
     def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
         removed: List[str] = []
-        folders = [self._root / _STAGING / name for name in self.names(_STAGING)]
-        dead = [folder for folder in folders if not is_being_written(folder / _ALIVE)]
+        dead = self._dead()
         if not dead:
             return []
         with self.alone():
             for folder in dead:
                 names = self._published_by(folder)
-                is_left = False
-                for name in names if names and not is_in(names[-1]) else ():
-                    try:
-                        if self.exists(name):
-                            self.remove(name)
-                            removed.append(name)
-                    except OSError as error:  # no file has a name that is too long
-                        is_left |= error.errno != errno.ENAMETOOLONG
-                if not is_left:
-                    shutil.rmtree(str(folder), ignore_errors=True)
+                removed += self._remove(folder, names if names and not is_in(names[-1]) else [])
+        return removed
+
+    def take_back(self, names: Sequence[str]) -> None:
+        for folder in self._dead():
+            theirs = self._published_by(folder)
+            if theirs[-1:] == names[-1:]:
+                self._remove(folder, [name for name in theirs if name not in names])
+
+    def _dead(self) -> List[Path]:
+        """Return the folders of programs that live no more."""
+        folders = [self._root / _STAGING / name for name in self.names(_STAGING)]
+        return [folder for folder in folders if not is_being_written(folder / _ALIVE)]
+
+    def _remove(self, folder: Path, names: Sequence[str]) -> List[str]:
+        """Remove these files, and the folder that tells of them, where all could be removed; return those that were."""
+        removed: List[str] = []
+        is_left = False
+        for name in names:
+            try:
+                if self.exists(name):
+                    self.remove(name)
+                    removed.append(name)
+            except OSError as error:  # no file has a name that is too long
+                is_left |= error.errno != errno.ENAMETOOLONG
+        if not is_left:
+            shutil.rmtree(str(folder), ignore_errors=True)
         return removed
 
     @staticmethod
