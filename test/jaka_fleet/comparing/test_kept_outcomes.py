@@ -128,3 +128,9 @@ def test_reports_without_results_are_of_nobody_knows_what(compare, tmp_path):
     assert compare() == 1 and report.read_text(encoding="utf-8") != "as it was"
     shutil.rmtree(str(report.parent))
     assert compare() == 1 and report.exists()
+
+
+def test_a_cell_of_any_name_and_length_has_its_report(compare, tmp_path):
+    assert compare("--cell", "焊接工位" * 60) == 1
+    report, = (tmp_path / "results" / "reports").iterdir()
+    assert report.suffix == ".html" and len(report.name.encode()) <= 255

@@ -180,7 +180,7 @@ def _one_each(outcomes: Sequence[RunOutcome], report: Report) -> List[RunOutcome
 
 
 def _report_name(outcome: RunOutcome) -> str:
-    stem = re.sub(r"[^\w.-]+", "_", "_".join(filter(None, [outcome.cell, Path(outcome.path).stem])))
+    stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", "_".join(filter(None, [outcome.cell, Path(outcome.path).stem])))
     return "%s-%s.html" % (stem[-120:].lstrip("."), outcome.run[:8])
 
 
