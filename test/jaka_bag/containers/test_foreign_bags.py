@@ -135,6 +135,63 @@ def test_of_two_descriptions_the_intact_one_is_recovered(tmp_path):
     assert b"\xe9" not in (tmp_path / "found.bag").read_bytes()[4117:]
 
 
+def described_twice(path, inside, by_the_index):
+    """Write a bag whose chunk describes its connections otherwise than its index section does."""
+    bag = RawBag()
+    content, entries = b"", {}
+    for number, value in inside.items():
+        content += bag_format.connection_record(number, value)
+    for i in range(6):
+        entries.setdefault(i % 2, []).append((START_NS + i, len(content)))
+        content += message_record(i % 2, START_NS + i, b"\4\0\0\0" + (b"chat", b"STOP")[i % 2])
+    bag.add_chunk(content, sorted(entries.items()), START_NS, START_NS + 5)
+    for number, value in by_the_index.items():
+        bag.add_connection(number, value)
+    path.write_bytes(bag.content())
+    return path
+
+
+CHATTER = connection("/chatter/abc", "std_msgs/String", "string data\n")
+STOP = connection("/safety/stop", "std_msgs/String", "string data\n")
+
+
+@pytest.mark.parametrize("by_the_index, told", [
+    ({0: STOP, 1: CHATTER}, "'/safety/stop'"),
+    ({0: CHATTER, 1: STOP._replace(topic="/safety/rtop")}, "'/safety/rtop'"),
+    ({0: CHATTER, 1: STOP._replace(datatype="std_msgs/Strong")}, "'std_msgs/Strong'"),
+    ({0: CHATTER, 1: STOP._replace(md5sum="1" + STOP.md5sum[1:])}, "md5"),
+    ({0: CHATTER, 1: STOP._replace(definition="string dada\n")}, "definition")])
+def test_an_index_that_describes_a_connection_otherwise_than_the_chunk_is_told(tmp_path, capsys, by_the_index, told):
+    path = described_twice(tmp_path / "twice.bag", {0: CHATTER, 1: STOP}, by_the_index)
+    for words in (["cat", path], ["convert", path, "-o", tmp_path / "o.mcap"], ["filter", path, tmp_path / "f.bag"]):
+        assert main([str(word) for word in words]) == 1
+        answer = capsys.readouterr()
+        assert "STOP" not in answer.out and "jaka_bag recover" in answer.err and answer.err.count("\n") == 1
+        assert told in answer.err
+    assert main(["doctor", str(path)]) == 1
+    assert told in capsys.readouterr().out
+    assert main(["recover", str(path), str(tmp_path / "r.bag")]) == 1
+    assert "PARTIAL" in capsys.readouterr().out
+    found = read(tmp_path / "r.bag")
+    assert [(s.connection, s.data[4:]) for s in found] == [(CHATTER, b"chat"), (STOP, b"STOP")] * 3
+    assert set(read_index(tmp_path / "r.bag").connections) == {CHATTER, STOP}
+
+
+def test_a_lying_index_that_is_read_last_changes_no_topic(tmp_path, capsys):
+    path = described_twice(tmp_path / "twice.bag", {0: CHATTER, 1: STOP}, {0: STOP, 1: CHATTER})
+    path.write_bytes(with_index_at(path.read_bytes(), 0))
+    assert main(["recover", str(path), str(tmp_path / "r.bag")]) == 1
+    assert "connection 0" in capsys.readouterr().err
+    assert [s.connection for s in read(tmp_path / "r.bag")] == [CHATTER, STOP] * 3
+
+
+@pytest.mark.parametrize("inside", [{}, {1: STOP}, {1: STOP._replace(callerid="/other", latching=True)}])
+def test_chunks_may_describe_some_connections_or_none(tmp_path, inside):
+    path = described_twice(tmp_path / "some.bag", inside, {0: CHATTER, 1: STOP})
+    assert [s.connection for s in read(path)] == [CHATTER, STOP] * 3
+    assert recover(path, tmp_path / "r.bag").is_whole
+
+
 def old_record(fields, data):
     return bag_format.pack_record(fields, data)
 

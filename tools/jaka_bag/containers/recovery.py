@@ -68,7 +68,7 @@ _MESSAGE_HEAD = 40
 
 
 @functools.lru_cache(maxsize=1024)
-def _soundness(connection: Connection) -> int:
+def soundness(connection: Connection) -> int:
     """Rank how credible a description is: 2 where the md5 fits, 1 where its text is valid, else 0."""
     try:
         "".join(map(str, connection)).encode("utf-8")
@@ -116,7 +116,7 @@ class LogRecovery:
         """Take up descriptions of connections; of several of one connection an intact one is kept."""
         for file_id, connection in connections.items():
             known = self.connections.get(file_id)
-            if known is None or (known != connection and _soundness(connection) >= _soundness(known)):
+            if known is None or (known != connection and soundness(connection) >= soundness(known)):
                 self.connections[file_id] = connection
 
     def lose(self, begin: int, end: int, reason: str) -> None:

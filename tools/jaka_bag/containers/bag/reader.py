@@ -135,4 +135,10 @@ class BagReader(LogReader):
             offset: Optional[Array] = offsets_in(index_entries(raw, data_end))
         except BagFormatError:  # the index only helps: the chunk's own records count
             offset = None
-        return parse_chunk(data, offset).batch
+        parsed = parse_chunk(data, offset)
+        for file_id, inside in parsed.connections.items():
+            number = self.index.numbers.get(file_id)
+            differs = "" if number is None else fmt.difference(file_id, inside, self.connections[number])
+            if differs:
+                raise BagFormatError(differs)
+        return parsed.batch

@@ -189,6 +189,20 @@ def parse_connection(record: Record, raw: Buffer) -> Tuple[int, Connection]:
     return number, Connection(topic, datatype, md5sum, definition, callerid, latching, tuple(sorted(inner.items())))
 
 
+def difference(number: int, inside: Connection, indexed: Connection) -> str:
+    """Return how the index section describes a connection otherwise than a chunk does; empty where it does not.
+
+    Only what says what the messages are is compared: topic, type, md5 and definition.
+    """
+    for name, ours, theirs in (("topic", inside.topic, indexed.topic), ("type", inside.datatype, indexed.datatype),
+                               ("md5", inside.md5sum, indexed.md5sum)):
+        if ours != theirs:
+            return "the %s of connection %d is %.90r in the chunk and %.90r in the index" % (name, number, ours, theirs)
+    if inside.definition != indexed.definition:
+        return "the definition of connection %d in the chunk is not that in the index" % number
+    return ""
+
+
 def index_record(number: int, count: int, entries: bytes) -> bytes:
     """Encode the index of one connection's messages in the chunk before: ``count`` x (s, ns, offset)."""
     return pack_record([("conn", _U32.pack(number)), ("count", _U32.pack(count)), ("op", bytes([OP_INDEX])),

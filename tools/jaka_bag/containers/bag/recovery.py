@@ -1,12 +1,13 @@
 """The recovery of a cut-off, unindexed or damaged .bag."""
 import struct
-from typing import Generator, Iterator, List, Optional, Tuple
+from typing import Dict, Generator, Iterator, List, Optional, Set, Tuple
 
 from ...errors import BagFormatError
 from ...messages.batch import Array
+from ...messages.connection import Connection
 from ..contract import ParsedChunk
 from ..index import ChunkHead, read_at
-from ..recovery import LogRecovery, Stretch
+from ..recovery import LogRecovery, Stretch, soundness
 from . import records as fmt
 from .reader import index_entries, offsets_in, parse_chunk, scan
 
@@ -52,6 +53,9 @@ class BagRecovery(LogRecovery):
         super().__init__(descriptor, size)
         self._begin = len(fmt.MAGIC)
         self._promised_chunks = self._chunks = 0
+        self._inside: Dict[int, Connection] = {}  # by chunks
+        self._indexed: Dict[int, Connection] = {}
+        self._differing: Set[int] = set()
         index_position = 0
         try:
             fields, self._begin = fmt.read_file_header(descriptor)
@@ -76,7 +80,9 @@ class BagRecovery(LogRecovery):
         try:
             for record in fmt.whole_records(raw):
                 if record.kind == fmt.OP_CONNECTION:
-                    self.learn(dict([fmt.parse_connection(record, raw)]))
+                    number, connection = fmt.parse_connection(record, raw)
+                    self._indexed[number] = connection
+                    self.learn({number: connection})
                 elif record.kind == fmt.OP_CHUNK_INFO:
                     expected += sum(fmt.parse_chunk_info(record, raw).counts.values())
                 else:
@@ -104,7 +110,8 @@ class BagRecovery(LogRecovery):
                 end = self._skip_damage(at, "a record is cut off or damaged")
             elif record.kind == fmt.OP_CONNECTION:
                 try:
-                    self.learn(dict([fmt.parse_connection(record, read_at(self.descriptor, at, record.end))]))
+                    self._learn_from_index(at, end, *fmt.parse_connection(
+                        record, read_at(self.descriptor, at, record.end)))
                 except BagFormatError as error:
                     self.lose(at, end, str(error))
             elif not fmt.OP_MESSAGE <= record.kind <= fmt.OP_CONNECTION:
@@ -148,7 +155,28 @@ class BagRecovery(LogRecovery):
 
     def _stretch(self, begin: int, parsed: ParsedChunk, end: int) -> Stretch:
         self.learn(parsed.connections)
+        for number, connection in parsed.connections.items():
+            self._inside.setdefault(number, connection)
+            self._compare(begin, end, number)
         return Stretch(begin, end, parsed.batch)
+
+    def _learn_from_index(self, begin: int, end: int, number: int, connection: Connection) -> None:
+        """Take up a connection record between bytes outside of chunks; what a chunk says of it counts if as sound."""
+        self._indexed[number] = connection
+        inside = self._inside.get(number)
+        if inside is None or soundness(connection) > soundness(inside):
+            self.learn({number: connection})
+        self._compare(begin, end, number)
+
+    def _compare(self, begin: int, end: int, number: int) -> None:
+        """Note once where a chunk and the index describe a connection differently: one of them cannot be trusted."""
+        if number in self._inside and number in self._indexed and number not in self._differing:
+            inside = self._inside[number]
+            differs = fmt.difference(number, inside, self._indexed[number])
+            if differs:
+                self._differing.add(number)
+                kept = "the chunk" if self.connections.get(number) == inside else "the index"
+                self.lose(begin, end, "%s: that of %s was taken" % (differs, kept))
 
     def _chunk(self, at: int, raw_head: bytes) -> Generator[Stretch, None, int]:
         """Yield a chunk's messages; return the start of the record after it."""
