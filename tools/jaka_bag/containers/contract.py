@@ -19,6 +19,7 @@ from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, r
 
 Self = TypeVar("Self", bound="LogWriter")
 _LOOKUP_LIMIT = 1 << 20
+_NOT_DESCRIBED = "messages of a connection that the log does not describe"
 
 
 class Message(NamedTuple):
@@ -110,13 +111,15 @@ class _Renumbering:
         """
         if not len(ids):
             return ids.astype(np.int32)
+        if int(ids.min()) < 0:  # else it counts from the table's end
+            raise BagFormatError(_NOT_DESCRIBED)
         if self._table is not None and int(ids.max()) < len(self._table):
             number: Array = self._table[ids]
         else:
             values, inverse = np.unique(ids, return_inverse=True)
             number = np.array([self._numbers.get(v, -1) for v in values.tolist()], np.int32)[inverse]
         if int(number.min()) < 0:
-            raise BagFormatError("messages of a connection that the log does not describe")
+            raise BagFormatError(_NOT_DESCRIBED)
         return number
 
 

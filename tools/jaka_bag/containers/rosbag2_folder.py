@@ -17,6 +17,7 @@ from ..messages.ros2_types import Ros1Type, ros1_name
 from ..paths import PathLike
 from .compression import unpack_file
 from .index import METADATA, PACKED, leftovers, open_for_reading, storage_files
+from .sqlite_records import check_tables, open_database
 
 _ONE_AT_A_TIME = threading.Lock()
 """Held by the thread that reads: rosbags 0.10 unpacks every MCAP with one decompressor, which two at once garble."""
@@ -118,6 +119,10 @@ class Rosbag2Folder:
                 raise BagError("the writer of a database was cut off and left changes beside it")  # rosbags reads none
             self._copy = _unpacked(folder)
             self._read_folder = self._copy.name if self._copy else self.folder
+            for name in storage_files(self._read_folder):
+                if name.endswith(".db3"):
+                    with contextlib.closing(open_database(os.path.join(self._read_folder, name))) as database:
+                        check_tables(database)
             with self._open() as reader:
                 sources = list(reader.connections)
         except Exception as error:  # ReaderError, OSError, errors of sqlite3: whatever the storage meets

@@ -1,9 +1,10 @@
 """The sqlite3 storage of rosbag2: its topics, and where its messages are; read without numpy."""
 import contextlib
 import os
+import re
 import sqlite3
 from pathlib import Path
-from typing import Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 from ..errors import BagFormatError
 from ..messages.connection import Connection
@@ -15,13 +16,23 @@ _ROW = 24
 """Bytes that a message takes besides its payload, about."""
 _CHUNK_BYTES, _CHUNK_MESSAGES = 1 << 20, 4096
 
+_TABLES = ("topics", "messages", "message_definitions", "schema")
+"""Tables that are read; a storage has at least the first two."""
+_GENERATED = (2, 3)
+"""Kinds of columns in ``PRAGMA table_xinfo`` whose values an expression makes when they are read."""
+
 
 def _text(raw: bytes) -> str:
     return raw.decode("utf-8", "surrogateescape")
 
 
+def _no_views(action: int, first: Any, second: Any, database: Any, view: Optional[str]) -> int:
+    """Refuse what a view or a trigger asks for: what it makes may be without an end."""
+    return sqlite3.SQLITE_OK if view is None else sqlite3.SQLITE_DENY
+
+
 def open_database(path: PathLike, options: str = "mode=ro&immutable=1") -> sqlite3.Connection:
-    """Open a database, which is not changed; threads may use it one at a time.
+    """Open a database, which is not changed and of which views are not read; threads may use it one at a time.
 
     Raises:
         sqlite3.Error: It cannot be opened.
@@ -34,7 +45,24 @@ def open_database(path: PathLike, options: str = "mode=ro&immutable=1") -> sqlit
         database.close()
         raise
     database.text_factory = _text
+    database.set_authorizer(_no_views)
     return database
+
+
+def check_tables(database: sqlite3.Connection) -> None:
+    """Check that the tables of a storage hold what is in the file, and nothing that is made when it is read.
+
+    Raises:
+        BagFormatError: They do not, or are not there.
+        sqlite3.Error: The database is damaged.
+    """
+    found = database.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'").fetchall()
+    tables = {str(name).lower() for name, text in found if re.match(r"\s*CREATE\s+TABLE\b", str(text), re.I)}
+    if not {"topics", "messages"} <= tables:
+        raise BagFormatError("it is a database, but no storage of rosbag2")
+    for name in _TABLES:
+        if any(column[6] in _GENERATED for column in database.execute("PRAGMA table_xinfo(%s)" % name)):
+            raise BagFormatError("it is no storage of rosbag2: its table %s has generated columns" % name)
 
 
 def read_topics(database: sqlite3.Connection) -> Tuple[Dict[int, Connection], int]:
@@ -57,7 +85,7 @@ def read_topics(database: sqlite3.Connection) -> Tuple[Dict[int, Connection], in
     damaged = 0
     for row in database.execute("SELECT id, name, type, serialization_format, %s, %s FROM topics" % tuple(wanted)):
         file_id, topic, kind, encoding, qos, type_hash = row
-        if not isinstance(file_id, int) or not all(isinstance(each, str) for each in row[1:]):
+        if not isinstance(file_id, int) or file_id < 0 or not all(isinstance(each, str) for each in row[1:]):
             damaged += 1
             continue
         language, text = definitions.get(kind) or ("ros2msg", "")
@@ -123,19 +151,19 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     if leftovers(path):
         raise BagFormatError("its writer was cut off and left changes beside it (jaka_bag recover takes them up)")
     found = _Chunks()
+    file_size = os.fstat(descriptor).st_size
     try:
         with contextlib.closing(open_database(path)) as database:
-            tables = {row[0] for row in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-            if not {"topics", "messages"} <= tables:
-                raise BagFormatError("it is a database, but no storage of rosbag2")
+            check_tables(database)
             topics, damaged = read_topics(database)
             numbers = {file_id: number for number, file_id in enumerate(topics)}
             next_row = -2**63
             for row, topic, time, size, head in database.execute(
                     "SELECT id, topic_id, timestamp, length(data), substr(data, 1, %d) FROM messages ORDER BY id"
                     % HEAD):
-                if damaged or row < next_row or topic not in numbers or not (
-                        isinstance(time, int) and isinstance(size, int) and isinstance(head, bytes)):
+                if damaged or not (isinstance(row, int) and row >= next_row and isinstance(topic, int)
+                                   and topic in numbers and isinstance(time, int) and isinstance(size, int)
+                                   and size <= file_size and isinstance(head, bytes)):
                     raise BagFormatError("a row is damaged (jaka_bag recover keeps the rest)")
                 next_row = row + 1  # damaged pages may lead back, without an end
                 found.add(row, numbers[topic], time, size, head)
@@ -147,6 +175,6 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     codecs: Tuple[CodecTotals, ...] = codec_totals(found.codecs)
     start: Optional[int] = min((chunk.start_time for chunk in chunks), default=None)
     end: Optional[int] = max((chunk.end_time for chunk in chunks), default=None)
-    return LogIndex("sqlite3", version, str(path), os.fstat(descriptor).st_size, list(topics.values()), numbers, chunks,
+    return LogIndex("sqlite3", version, str(path), file_size, list(topics.values()), numbers, chunks,
                     [sum(chunk.counts.get(number, 0) for chunk in chunks) for number in range(len(topics))], start, end,
                     profile="ros2", codecs=codecs)
