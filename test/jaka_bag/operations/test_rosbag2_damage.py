@@ -55,6 +55,8 @@ def test_whole_folders_of_every_storage(plain, tmp_path, capsys):
         folder = by_rosbags(plain, tmp_path / name, storage, mode)
         assert main(["doctor", str(folder)]) == 0
         assert "whole: %d messages" % len(expected) in capsys.readouterr().out
+        with open_log(folder) as reader:
+            assert not reader.index.notes
         (folder / "metadata.yaml").unlink()
         assert main(["info", str(folder)]) == 1
         assert "jaka_bag recover makes one" in capsys.readouterr().err
@@ -141,6 +143,52 @@ def test_what_metadata_declares_is_not_believed(plain, tmp_path, capsys):
     assert main(["doctor", str(folder)]) == 1
     assert "%s: metadata.yaml tells of %d messages, the files hold %d" % (
         topic["topic_metadata"]["name"], topic["message_count"], topic["message_count"] - 1) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".mcap"])
+def test_a_file_that_is_there_and_not_named_is_not_left_out(plain, tmp_path, capsys, suffix):
+    folder, messages, _ = two_files(plain, tmp_path / "run", suffix)
+    facts = yaml.safe_load((folder / "metadata.yaml").read_text())
+    facts["rosbag2_bagfile_information"]["relative_file_paths"].pop()
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(facts))
+    for words in (["convert", folder, tmp_path / "o.bag"], ["cat", folder], ["info", "--freq", folder]):
+        assert main([str(word) for word in words]) == 1
+        told = capsys.readouterr()
+        assert "run_10%s is not named by metadata.yaml (jaka_bag recover takes it up)" % suffix in told.err
+        assert told.err.count("\n") == 1 and not told.out
+    assert main(["info", str(folder)]) == 0
+    assert "run_10%s is not named by metadata.yaml" % suffix in capsys.readouterr().out
+    assert main(["recover", str(folder), str(tmp_path / "all"), "-q"]) == 0
+    assert content(tmp_path / "all") == messages
+
+
+def test_counts_and_times_in_metadata_are_compared_with_the_files(plain, tmp_path, capsys):
+    folder = tmp_path / "run"
+    shutil.copytree(str(plain), str(folder))
+    facts = yaml.safe_load((folder / "metadata.yaml").read_text())
+    information = facts["rosbag2_bagfile_information"]
+    total, topic = information["message_count"], information["topics_with_message_count"][0]
+    right = topic["message_count"]
+    with open_log(folder) as reader:
+        assert not reader.index.notes
+    information["message_count"] = 9990
+    topic["message_count"] = 5000
+    information["starting_time"]["nanoseconds_since_epoch"] = 5 * 10**17
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(facts))
+    with open_log(folder) as reader:
+        assert reader.message_count == total
+    assert main(["convert", str(folder), str(tmp_path / "o.bag"), "-q"]) == 0
+    notes = capsys.readouterr().err
+    assert main(["info", "--freq", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert main(["doctor", str(folder)]) == 1
+    for told in (notes, shown, capsys.readouterr().out):
+        assert "metadata.yaml tells of 9990 messages, the files hold %d" % total in told
+        assert "%s: metadata.yaml tells of 5000 messages, the files hold %d" % (
+            topic["topic_metadata"]["name"], right) in told
+        assert "metadata.yaml tells of times from 500000000.000000000 to" in told
+    assert main(["info", str(folder)]) == 0
+    assert "the counts and times are by metadata.yaml" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("kind", ["cut", "zeros", "root"])

@@ -192,6 +192,8 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
         if freq:
             from ..operations.timing import add_timing
             add_timing(path, facts)
+        else:
+            facts["notes"].append("the counts and times are by metadata.yaml (--freq compares them with the files)")
         return facts
     index = read_index(path)
     document = document_of(index)

@@ -8,7 +8,7 @@ from ..messages.batch import Array, MessageBatch
 from ..paths import PathLike
 from .contract import LogReader
 from .index import METADATA, ChunkRef, LogIndex, open_for_reading
-from .rosbag2_folder import Rosbag2Folder, describe
+from .rosbag2_folder import Rosbag2Folder, declarations, describe
 
 _MESSAGES = 4096
 """Messages in one chunk, about: the folder has none of its own that both storages share."""
@@ -52,11 +52,17 @@ class Rosbag2Reader(LogReader):
         facts = describe(path)
         chunks = _chunks(numbers[order], times[order], max(facts["size"] // max(len(found), 1), 1))
         counts = np.bincount(numbers, minlength=len(folder.connections)).tolist()
+        start, end = (int(times.min()), int(times.max())) if found else (None, None)
+        by_topic: Dict[str, int] = {}
+        for connection, count in zip(folder.connections, counts):
+            by_topic[connection.topic] = by_topic.get(connection.topic, 0) + count
+        span = None if start is None or end is None or folder.left_out else (start, end)
+        lies = declarations(path).contradictions(by_topic, None if folder.left_out else len(found), span)
         super().__init__(open_for_reading(os.path.join(str(path), METADATA)), LogIndex(
             "rosbag2", facts["version"], str(path), facts["size"], folder.connections,
-            {number: number for number in range(len(counts))}, chunks, counts, int(times.min()) if found else None,
-            int(times.max()) if found else None, codecs=(("none", len(chunks), facts["size"], facts["size"]),),
-            notes=tuple(folder.left_out)))
+            {number: number for number in range(len(counts))}, chunks, counts, start, end,
+            codecs=(("none", len(chunks), facts["size"], facts["size"]),),
+            notes=(*folder.left_out, *lies)))
 
     def _load(self, chunk: ChunkRef) -> MessageBatch:
         numbers: List[int] = []

@@ -2,7 +2,7 @@
 import os
 import tempfile
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
@@ -15,32 +15,11 @@ from .index import METADATA, PACKED, AttachmentIndex, MetadataIndex, open_for_re
 from .mcap.recovery import McapRecovery
 from .packed_messages import may_be_packed, unpacked
 from .recovery import LogRecovery, Loss, Stretch
+from .rosbag2_folder import Declarations, declarations, unnamed
 from .sqlite_recovery import SqliteRecovery
 
 _DECLARATIONS = "rosbag2"
 """Name of the record in which an MCAP of a folder repeats the folder's ``metadata.yaml``."""
-
-
-def declarations(folder: PathLike) -> Tuple[List[str], int, Dict[str, int]]:
-    """Return the declarations of ``metadata.yaml``: names of files, messages, and messages by topic.
-
-    Raises:
-        BagError: It is not there, or cannot be read.
-    """
-    import yaml
-
-    path = os.path.join(str(folder), METADATA)
-    try:
-        with open(path, encoding="utf-8") as file:
-            facts = yaml.safe_load(file)["rosbag2_bagfile_information"]
-        names = [os.path.basename(str(name)) for name in facts["relative_file_paths"]]
-        topics = {str(topic["topic_metadata"]["name"]): int(topic["message_count"])
-                  for topic in facts["topics_with_message_count"]}
-        return names, int(facts["message_count"]), topics
-    except FileNotFoundError:
-        raise BagError("there is no %s" % METADATA) from None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
-        raise BagError("%s cannot be read (%s)" % (METADATA, " ".join(str(error).split())[:160])) from error
 
 
 class Rosbag2Recovery(LogRecovery):
@@ -64,10 +43,11 @@ class Rosbag2Recovery(LogRecovery):
         super().__init__(-1, size)
         self.profile = "ros2"
         self._contradictions: List[str] = []
-        self._topics: Dict[str, int] = {}
+        self._declared: Optional[Declarations] = None
         names: List[str] = []
         try:
-            names, self.expected, self._topics = declarations(self._folder)
+            self._declared = declarations(self._folder)
+            names, self.expected = self._declared.names, self._declared.messages
         except BagError as error:
             self._contradictions.append(str(error))
         for name in names:
@@ -75,7 +55,7 @@ class Rosbag2Recovery(LogRecovery):
                 self.losses.append(Loss(0, 0, "%s names it, and it is not there" % METADATA, file=name))
         strangers = [name for name in there if name not in names]
         if names:
-            self._contradictions += ["%s is not named by %s" % (name, METADATA) for name in strangers]
+            self._contradictions += unnamed(names, there)
         self._files = [name for name in names if name in there] + strangers
         if not there:
             raise BagFormatError("%s has no file of messages (.mcap, .db3)" % folder)
@@ -188,19 +168,14 @@ class Rosbag2Recovery(LogRecovery):
 
     def contradictions(self, counts: Dict[int, int]) -> List[str]:
         """See ``LogRecovery``."""
-        if self.expected is None:
+        if self._declared is None:
             return self._contradictions
-        found: Dict[str, int] = dict.fromkeys(self._topics, 0)
+        found: Dict[str, int] = {}
         for number in counts.keys() & self.connections.keys():
             topic = self.connections[number].topic
             found[topic] = found.get(topic, 0) + counts[number]
-        total = sum(counts.values())
-        result = list(self._contradictions)
-        if total != self.expected:
-            result.append("%s tells of %d messages, the files hold %d" % (METADATA, self.expected, total))
-        return result + ["%s: %s tells of %d messages, the files hold %d" % (
-            topic, METADATA, self._topics.get(topic, 0), count)
-            for topic, count in sorted(found.items()) if count != self._topics.get(topic, 0)]
+        return self._contradictions + self._declared.contradictions(
+            {**dict.fromkeys(self._declared.topics, 0), **found}, sum(counts.values()))
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogRecovery``."""

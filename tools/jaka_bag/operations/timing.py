@@ -99,12 +99,13 @@ class Timing:
 
 
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``freq`` into each topic of an info document that the log, as it is read here, has."""
+    """Put ``freq`` into each topic of an info document that the log has as it is read here; add the reader's notes."""
     by_topic: Dict[str, Timing] = {}
     with open_log(path) as reader:
         known = {connection.topic for connection in reader.connections}
         for name, times in log_times(reader):
             by_topic.setdefault(name, Timing()).add(times)
+        document["notes"] += [note for note in reader.index.notes if note not in document["notes"]]
     for topic in document["topics"]:
         if topic["topic"] in known:
             topic["freq"] = by_topic.get(topic["topic"], Timing()).document()
