@@ -137,6 +137,28 @@ def test_the_open_chunk_of_an_active_bag_is_read_to_its_last_whole_record(tmp_pa
     assert not result.is_whole and "cut off" in result.losses[-1].reason
 
 
+@pytest.mark.parametrize("codec", ["none", "lz4", "bz2"])
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_chunk_without_sizes_does_not_swallow_those_behind_it(tmp_path, codec, victim):
+    samples = [states(START_NS + i, i, 1, 0, 0) for i in range(30)]
+    path = write(tmp_path / "log.bag", samples, codec, chunk_size=80)
+    chunks = read_index(path).chunks
+    assert len(chunks) == 3
+    raw = bytearray(path.read_bytes())
+    at = raw.index(b"size=", chunks[victim].position) + 5
+    raw[at:at + 8] = bytes(8)  # the length of the data stands behind the last field
+    index_position = raw.index(b"index_pos=") + 10
+    raw[index_position:index_position + 8] = bytes(8)
+    path.write_bytes(bytes(raw[:chunks[-1].end]))
+    result = recover(path, tmp_path / "found.bag")
+    found = read(tmp_path / "found.bag")
+    if codec == "none":
+        assert found == samples
+    else:
+        assert set(samples[:10 * victim] + samples[10 * victim + 10:]) <= set(found) <= set(samples)
+        assert not result.is_whole
+
+
 def test_recovering_tells_what_is_lost_and_exits_1(tmp_path, capsys):
     path = write(tmp_path / "log.mcap", state_log(1.0))
     path.write_bytes(path.read_bytes()[:-3000])

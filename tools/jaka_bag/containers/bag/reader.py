@@ -75,8 +75,15 @@ def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": _HEAD})
 
 
-def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> ParsedChunk:
-    """Read the records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
+def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None, is_open: bool = False) -> ParsedChunk:
+    """Read the records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off.
+
+    Args:
+        raw: The bytes.
+        begin: The first one.
+        end: The one behind the last; None for all.
+        is_open: The chunk's end is not known: it is at the latest where another one begins.
+    """
     rows = RowStore(has_publish=False)
     connections: Dict[int, Connection] = {}
     at = begin
@@ -84,7 +91,7 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> ParsedChunk:
     while True:
         try:
             record = fmt.record_at(raw, at, stop)
-            if record is None or record.end > stop:
+            if record is None or record.end > stop or (is_open and record.kind == fmt.OP_CHUNK):
                 break
             if record.kind == fmt.OP_MESSAGE:
                 rows.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),

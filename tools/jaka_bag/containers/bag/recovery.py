@@ -187,7 +187,7 @@ class BagRecovery(LogRecovery):
         self._chunks += 1
         start = at + head.data_start
         if head.size == 0 and head.data_size == 0:
-            return (yield from self._open_chunk(start, head.codec, "the last chunk was being written"))
+            return (yield from self._open_chunk(start, head.codec, "a chunk was being written"))
         if start + head.data_size > self.size:
             if self._next_chunk(start, self.size) < self.size:  # its length is damaged: others follow
                 return self._skip_damage(at, "a chunk's length is damaged")
@@ -260,19 +260,22 @@ class BagRecovery(LogRecovery):
             self.lose(at, end, "%s; %d messages were kept" % (reason, kept))
 
     def _open_chunk(self, start: int, codec: str, reason: str) -> Generator[Stretch, None, int]:
-        """Yield the messages of a chunk without a known end; return the end of the file."""
+        """Yield the messages of a chunk without a known end; return the start of the next, or the end of the file."""
         if codec not in ("none", ""):
-            raw, limit = self._unpack(codec, read_at(self.descriptor, start, self.size - start), start)
-            yield from self._pieces(start, self.size, bytes(raw), self.size, limit or reason, True)
-            return self.size
+            end = self._next_chunk(start, self.size)
+            raw, limit = self._unpack(codec, read_at(self.descriptor, start, end - start), start)
+            yield from self._pieces(start, end, bytes(raw), end, limit or reason, True)
+            return end
         at = start
         while at < self.size:
             raw = read_at(self.descriptor, at, _WINDOW)
-            parsed = scan(raw)
+            next_record = fmt.try_record_at(raw)
+            if next_record is not None and next_record.kind == fmt.OP_CHUNK:
+                return at
+            parsed = scan(raw, is_open=True)
             if not parsed.consumed and len(raw) == _WINDOW:  # one message may be larger than the window
-                needed = fmt.try_record_at(raw)
-                if needed is not None and at + needed.end <= self.size:
-                    parsed = scan(read_at(self.descriptor, at, needed.end))
+                if next_record is not None and at + next_record.end <= self.size:
+                    parsed = scan(read_at(self.descriptor, at, next_record.end))
             if parsed.consumed:
                 again = len(raw)
                 if not self._is_record_or_end(at + parsed.consumed):
