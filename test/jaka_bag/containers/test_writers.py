@@ -3,6 +3,7 @@ import contextlib
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from log_samples import JOINTS, MODEL, START_NS, STATES, state_log, write
 from mcap.reader import make_reader
@@ -148,6 +149,16 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
         create_log(tmp_path / "log.txt")
     with pytest.raises(BagError, match="is a folder"):
         create_log(tmp_path / "log.mcap", as_rosbag2=True)
+
+
+def test_a_time_that_a_bag_cannot_hold_is_told_as_it_is_shown(tmp_path):
+    with McapWriter(tmp_path / "late.mcap") as writer:
+        writer.add_message(writer.add_channel(STATES), 2**64 - 1, bytes(8))
+    with open_log(tmp_path / "late.mcap") as reader:
+        batch, = map(reader.load, reader.chunks)
+        with pytest.raises(BagError, match="a message time of 18446744073709551615 ns .shown as -1 ns. does not fit"):
+            with BagWriter(tmp_path / "late.bag") as writer:
+                writer.encode(batch, np.array([writer.add_channel(STATES)]))
 
 
 def test_more_connections_than_mcap_can_number_are_refused(tmp_path, monkeypatch):

@@ -59,7 +59,9 @@ class BagWriter(LogWriter):
         unsigned = batch.log_time.view(np.uint64)
         seconds, nanoseconds = np.divmod(unsigned, np.uint64(NS_PER_S))
         if int(seconds.max()) > fmt.MAX_SECONDS:
-            raise BagError("a message time of %d s does not fit into a .bag" % int(seconds.max()))
+            latest = int(unsigned.max())
+            shown = " (shown as %d ns)" % (latest - (1 << 64)) if latest >= 1 << 63 else ""
+            raise BagError("a message time of %d ns%s does not fit into a .bag" % (latest, shown))
         prefix = b"".join(self._records[i] for i in declared)
         if len(prefix) + int(batch.length.sum()) + len(batch) * _HEAD.itemsize > _MAX_CHUNK:
             raise BagError("a chunk is too large for a .bag")
