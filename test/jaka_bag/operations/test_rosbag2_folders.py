@@ -90,7 +90,13 @@ def test_types_that_ros1_cannot_have_are_left_out(tmp_path, capsys):
         ("pkg/Tplain", struct.pack("<i", 5))]
 
 
-@pytest.mark.parametrize("text", ["", "x: 1\n", "rosbag2_bagfile_information: {version: 99}\n", "a: [\n"])
+_ENDLESS = """rosbag2_bagfile_information: {version: 5, storage_identifier: mcap, relative_file_paths: [run.mcap],
+  message_count: .inf, duration: {nanoseconds: .inf}, starting_time: {nanoseconds_since_epoch: 1},
+  topics_with_message_count: []}"""
+
+
+@pytest.mark.parametrize("text", ["", "x: 1\n", "rosbag2_bagfile_information: {version: 99}\n", "a: [\n", _ENDLESS,
+                                  "a: " + "[" * 3000])
 def test_a_damaged_folder_is_one_line(tmp_path, capsys, text):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "metadata.yaml").write_text(text)

@@ -13,6 +13,7 @@ sqlite_reader     a database of it without its folder, behind the contract
 sqlite_recovery   what reads a damaged one
 packed_messages   messages that rosbag2 compressed one by one
 rosbag2       rosbag2 folders (MCAP with CDR messages), written
+rosbag2_declarations   what the metadata.yaml of a rosbag2 folder tells of its files
 rosbag2_folder   rosbag2 folders, read by the library rosbags
 rosbag2_reader   the same behind the contract
 ros1_view     a log of other encodings as one of ROS 1

@@ -8,7 +8,8 @@ from ..messages.batch import Array, MessageBatch
 from ..paths import PathLike
 from .contract import LogReader
 from .index import METADATA, ChunkRef, LogIndex, open_for_reading
-from .rosbag2_folder import Rosbag2Folder, declarations, describe
+from .rosbag2_declarations import declarations
+from .rosbag2_folder import Rosbag2Folder, describe
 
 _MESSAGES = 4096
 """Messages in one chunk, about: the folder has none of its own that both storages share."""

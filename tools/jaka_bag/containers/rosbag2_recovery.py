@@ -15,7 +15,7 @@ from .index import METADATA, PACKED, AttachmentIndex, MetadataIndex, open_for_re
 from .mcap.recovery import McapRecovery
 from .packed_messages import may_be_packed, unpacked
 from .recovery import LogRecovery, Loss, Stretch
-from .rosbag2_folder import Declarations, declarations, unnamed
+from .rosbag2_declarations import Declarations, declarations, unnamed
 from .sqlite_recovery import SqliteRecovery
 
 _DECLARATIONS = "rosbag2"
