@@ -21,6 +21,8 @@ from .reader import Channels, index_entries, offsets_in, parse_chunk, scan
 from .resync import FIRST_PRIVATE, Damage, Resync, around_damage, check_content
 
 _LOOSE = (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE)
+_OF_DATA = (fmt.MESSAGE, fmt.CHUNK, fmt.MESSAGE_INDEX, fmt.ATTACHMENT, fmt.METADATA, fmt.DATA_END)
+"""Kinds of records that no summary holds."""
 _FIRST_LOOSE_WINDOW, _LOOSE_WINDOW = 1 << 16, 1 << 20
 _WINDOW = 4 << 20
 _NEAR = 60 * NS_PER_S
@@ -47,6 +49,8 @@ class McapRecovery(LogRecovery):
         self._summary_channels: Dict[int, Connection] = {}
         self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
         self._data_end = self.size
+        self._summary_start = 0
+        self._goes_on_at = 0  # a record of data that lies behind the end of the data as records tell it
         self._has_unchecked = False  # messages that no checksum but that of all data covers
         self._begin = len(fmt.MAGIC)
         self.library = ""
@@ -57,6 +61,7 @@ class McapRecovery(LogRecovery):
         try:
             summary = fmt.read_summary(descriptor, self.size)
             if summary is not None:
+                self._summary_start = fmt.read_footer(descriptor, self.size)[0]
                 self._channels.schemas.update(summary.schemas)
                 self.learn(summary.channels)
                 self._summary_channels = summary.channels
@@ -89,8 +94,32 @@ class McapRecovery(LogRecovery):
         if not end:
             return self.size - at <= fmt.FOOTER_SIZE
         if opcode == fmt.FOOTER:
-            return end + len(fmt.MAGIC) >= self.size
-        return read_at(self.descriptor, end, 1) not in (bytes([fmt.MESSAGE]), bytes([fmt.CHUNK]))
+            return end + len(fmt.MAGIC) >= self.size and not self._is_like_chunk(at)
+        return not self._is_like_index(at) and not self._goes_on(end)
+
+    def _is_like_index(self, at: int) -> bool:
+        """Return whether a record of another kind has the sizes of a message index."""
+        raw = read_at(self.descriptor, at, _INDEX_HEAD.size)
+        if len(raw) < _INDEX_HEAD.size:
+            return False
+        _, length, _, size = _INDEX_HEAD.unpack(raw)
+        return 0 < size == length - 6 and size % 16 == 0
+
+    def _goes_on(self, at: int) -> bool:
+        """Return whether data comes behind the record that ends at a position, rather than a summary or nothing."""
+        if at <= self._goes_on_at:
+            return True
+        while at != self._summary_start:
+            opcode = read_at(self.descriptor, at, 1)
+            if not opcode or opcode[0] == fmt.FOOTER:
+                break
+            if opcode[0] in _OF_DATA:
+                self._goes_on_at = at
+                return True
+            at = self._places.end_of(at)
+            if not at:
+                break
+        return False
 
     def _loose(self, at: int) -> Generator[Stretch, None, int]:
         """Yield messages of loose records from a position on; return where to read on."""

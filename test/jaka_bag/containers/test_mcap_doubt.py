@@ -1,0 +1,73 @@
+"""MCAP files whose records do not say what they are: nothing is dropped, made up or called whole without a word."""
+import struct
+
+import pytest
+from log_samples import START_NS, read, states, write
+from mcap_variants import (
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    SCHEMA,
+    record,
+    text,
+    text_map,
+)
+
+from jaka_bag.cli.main import main
+from jaka_bag.containers.mcap.records import records_in
+from jaka_bag.operations.diagnosis import diagnose
+from jaka_bag.operations.recover import recover
+
+SAMPLES = [states(START_NS + i * 1000000, i, 1, 0, 0) for i in range(60)]
+
+
+def positions(raw, kind):
+    """Return where the records of a kind begin."""
+    return [body - 9 for opcode, body, _ in records_in(raw, len(MAGIC)) if opcode == kind]
+
+
+def flipped(raw, at, bit):
+    return raw[:at] + bytes([raw[at] ^ 1 << bit]) + raw[at + 1:]
+
+
+@pytest.mark.parametrize("name", ["whole.mcap", "cut.mcap", "cut.mcap.active"])
+def test_a_message_index_that_became_an_end_of_the_data_hides_no_message(tmp_path, name):
+    whole = write(tmp_path / "log.mcap", SAMPLES, "zstd", chunk_size=100).read_bytes()
+    indexes = positions(whole, MESSAGE_INDEX)
+    assert len(indexes) > 3
+    path, kept = tmp_path / name, tmp_path / "kept.mcap"
+    for at in indexes:
+        raw = flipped(whole, at, 3)
+        assert raw[at] == DATA_END
+        path.write_bytes(raw if name == "whole.mcap" else raw[:positions(whole, DATA_END)[0]])
+        if main(["cat", str(path)]) == 0:
+            assert read(path) == SAMPLES
+        assert diagnose(path).verdict == "damaged" or name != "cut.mcap" and at == indexes[-1]
+        result = recover(path, kept, overwrite=True)
+        assert read(kept) == SAMPLES
+        assert any(loss.begin == at for loss in result.losses), (at, result.losses)
+
+
+def test_messages_behind_an_end_of_the_data_are_found(tmp_path):
+    described = (record(SCHEMA, struct.pack("<H", 1) + text("std_msgs/String") + text("ros1msg") + text("string data\n"))
+                 + record(CHANNEL, struct.pack("<HH", 1, 1) + text("/x") + text("ros1") + text_map({})))
+
+    def chunk(time):
+        data = described + b"".join(record(MESSAGE, struct.pack("<HIQQ", 1, i, time + i, time + i) + text("abcd"))
+                                    for i in range(20))
+        return record(CHUNK, struct.pack("<QQQI", time, time + 19, len(data), 0) + text("")
+                      + struct.pack("<Q", len(data)) + data)
+
+    end = record(DATA_END, bytes(4))
+    path = tmp_path / "hidden.mcap"
+    path.write_bytes(MAGIC + record(HEADER, text("ros1") + text("")) + chunk(START_NS) + end + described
+                     + chunk(START_NS + 100) + end + record(FOOTER, bytes(20)) + MAGIC)
+    assert diagnose(path).verdict == "damaged"
+    assert main(["cat", str(path)]) == 1
+    result = recover(path, tmp_path / "kept.mcap")
+    assert result.messages == 40 and not result.is_whole
