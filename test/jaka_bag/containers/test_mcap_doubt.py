@@ -1,8 +1,10 @@
 """MCAP files whose records do not say what they are: nothing is dropped, made up or called whole without a word."""
+import io
 import struct
 
 import pytest
 from log_samples import START_NS, read, states, write
+from mcap.writer import CompressionType, Writer
 from mcap_variants import (
     CHANNEL,
     CHUNK,
@@ -20,6 +22,7 @@ from mcap_variants import (
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.records import records_in
+from jaka_bag.containers.registry import open_log
 from jaka_bag.operations.diagnosis import diagnose
 from jaka_bag.operations.recover import recover
 
@@ -71,3 +74,32 @@ def test_messages_behind_an_end_of_the_data_are_found(tmp_path):
     assert main(["cat", str(path)]) == 1
     result = recover(path, tmp_path / "kept.mcap")
     assert result.messages == 40 and not result.is_whole
+
+
+def foreign(payloads, topic="/real", encoding="ros1", schema=("std_msgs/String", "ros1msg", b"string data\n"), **options):
+    """Return an MCAP that the format's own library writes."""
+    out = io.BytesIO()
+    writer = Writer(out, compression=CompressionType.NONE, **options)
+    writer.start("ros1", "foreign")
+    channel = writer.register_channel(topic, encoding, writer.register_schema(*schema))
+    for number, payload in enumerate(payloads):
+        writer.add_message(channel, START_NS + number, payload, START_NS + number, number)
+    writer.finish()
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_messages_that_only_a_wrong_checksum_covers_are_kept_as_doubtful(tmp_path, capsys, chunked):
+    raw = foreign([text("force %d" % (100 + i)) for i in range(5)], use_chunking=chunked, enable_data_crcs=True,
+                  enable_crcs=not chunked)
+    path, kept = tmp_path / "log.mcap", tmp_path / "kept.mcap"
+    path.write_bytes(raw)
+    assert recover(path, kept).is_whole
+    path.write_bytes(flipped(raw, raw.index(b"force 102") + 6, 3))
+    assert diagnose(path).verdict == "damaged"
+    assert main(["recover", str(path), "-o", str(kept), "-f"]) == 1
+    assert "PARTIAL" in capsys.readouterr().out
+    with open_log(kept) as log:
+        assert log.message_count == 5
+        account = [log.read_metadata(entry) for entry in log.index.metadata if entry.name == "jaka_bag.recovery"]
+    assert len(account) == 1 and "the data section's CRC is wrong" in str(account)

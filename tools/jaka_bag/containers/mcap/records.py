@@ -399,15 +399,15 @@ def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connect
     return True
 
 
-def is_data_intact(descriptor: int, end: int) -> bool:
-    """Return whether the data section, whose last record begins at ``end``, has the CRC that it names, if it does."""
+def has_right_crc(descriptor: int, end: int) -> Optional[bool]:
+    """Return whether the data section, whose last record begins at ``end``, has the CRC that it names; None if none."""
     raw = read_at(descriptor, end, RECORD_HEAD.size + 4)
     expected = int.from_bytes(raw[RECORD_HEAD.size:], "little") if raw[:1] == bytes([DATA_END]) else 0
     crc, at = 0, 0
     while expected and at < end:
         crc = zlib.crc32(read_at(descriptor, at, min(_WINDOW, end - at)), crc)
         at += _WINDOW
-    return crc == expected
+    return crc == expected if expected else None
 
 
 def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> Tuple[str, Dict[int, IndexTotals]]:

@@ -49,6 +49,7 @@ class McapRecovery(LogRecovery):
         self._summary_channels: Dict[int, Connection] = {}
         self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
         self._data_end = self.size
+        self._crcs: Dict[int, Optional[bool]] = {}
         self._summary_start = 0
         self._goes_on_at = 0  # a record of data that lies behind the end of the data as records tell it
         self._has_unchecked = False  # messages that no checksum but that of all data covers
@@ -87,6 +88,19 @@ class McapRecovery(LogRecovery):
                     at = self._other(at, opcode)
             except BagFormatError as error:
                 at = yield from self._behind_damage(at, str(error).split(" (")[0])
+        self._check_data()
+
+    def _check_data(self) -> None:
+        """Note a wrong checksum of all data where messages have no other one; called behind the walk."""
+        if self._has_unchecked and self._has_right_crc(self._data_end) is False:
+            self.lose(self._begin, self._data_end, "the data section's CRC is wrong: messages outside of chunks, and of "
+                      "chunks without a CRC, which were kept, may not be as recorded")
+
+    def _has_right_crc(self, data_end: int) -> Optional[bool]:
+        """Return whether the data up to its last record has the CRC that this names; None where it names none."""
+        if data_end not in self._crcs:
+            self._crcs[data_end] = fmt.has_right_crc(self.descriptor, data_end)
+        return self._crcs[data_end]
 
     def _ends_data(self, at: int, opcode: int) -> bool:
         """Return whether the data section ends with a record, rather than that its kind is damaged."""
@@ -348,14 +362,13 @@ class _Whole(McapRecovery):
         place = "" if " at byte " in reason else " at byte %d" % begin
         raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
 
-
-    def check_data(self) -> None:
+    def _check_data(self) -> None:
         """Note a wrong checksum of all data behind the walk.
 
         Raises:
             BagFormatError: It is wrong, and messages or channels have no other one that tells whether they are right.
         """
-        if fmt.is_data_intact(self.descriptor, self._data_end):
+        if self._has_right_crc(self._data_end) is not False:
             return
         if self._has_unchecked or any(self.connections.get(number) != channel
                                       for number, channel in self._summary_channels.items()):
@@ -373,7 +386,6 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
         if len(stretch.batch):
             found.append(chunk_of(stretch.begin, stretch.end, stretch.batch, stretch.is_loose))
             totals.update(found[-1].counts)
-    walk.check_data()
     again = [channel % (fmt.MAX_CHANNELS + 1) for channel in walk.connections if channel > fmt.MAX_CHANNELS]
     if again:
         raise BagFormatError(fmt.DEFINED_AGAIN % again[0] + " (jaka_bag recover keeps both)")
