@@ -1,6 +1,7 @@
 """MCAP files whose records do not say what they are: nothing is dropped, made up or called whole without a word."""
 import io
 import struct
+import zlib
 
 import pytest
 from log_samples import START_NS, read, states, write
@@ -103,3 +104,65 @@ def test_messages_that_only_a_wrong_checksum_covers_are_kept_as_doubtful(tmp_pat
         assert log.message_count == 5
         account = [log.read_metadata(entry) for entry in log.index.metadata if entry.name == "jaka_bag.recovery"]
     assert len(account) == 1 and "the data section's CRC is wrong" in str(account)
+
+
+def with_summary(raw, old, new):
+    """Return an MCAP in whose summary some bytes are others, under a right checksum."""
+    start = struct.unpack_from("<Q", raw, len(raw) - 28)[0]
+    summary = raw[start:-12].replace(old, new)
+    assert summary != raw[start:-12]
+    return raw[:start] + summary + struct.pack("<I", zlib.crc32(summary)) + raw[-8:]
+
+
+@pytest.mark.parametrize("use_own_writer", [False, True])
+def test_a_summary_that_swaps_two_fields_shows_no_swapped_values(tmp_path, capsys, use_own_writer):
+    path, kept = tmp_path / "log.mcap", tmp_path / "kept.mcap"
+    path.write_bytes(foreign([struct.pack("<dd", 1.0, 222.0)] * 3, "/pair", "ros1", (
+        "my/Pair", "ros1msg", b"float64 force_limit\nfloat64 force_real_\n")))
+    if use_own_writer:  # it keeps schemas outside of chunks
+        assert main(["convert", str(path), "-o", str(tmp_path / "own.mcap"), "-f", "-q"]) == 0
+        path = tmp_path / "own.mcap"
+    assert main(["cat", str(path)]) == 0
+    truth = capsys.readouterr().out
+    assert diagnose(path).verdict == "whole"
+    path.write_bytes(with_summary(path.read_bytes(), b"float64 force_limit\nfloat64 force_real_\n",
+                                  b"float64 force_real_\nfloat64 force_limit\n"))
+    if main(["cat", str(path)]) == 0:
+        assert capsys.readouterr().out == truth
+    else:
+        assert "defined again with another topic or type" in capsys.readouterr().err
+    assert diagnose(path).verdict == "damaged"
+    recover(path, kept)
+    assert main(["cat", str(kept)]) == 0
+    assert capsys.readouterr().out == truth
+
+
+@pytest.mark.parametrize("schema, encoding, is_legal", [
+    (("std_msgs/String", "ros1msg", "string data\n"), "ros1", True),
+    (("std_msgs/UInt64", "ros1msg", "string data\n"), "ros1", False),
+    (("std_msgs/String", "ros1msg", "uint64 data\n"), "ros1", False),
+    (("std_msgs/String", "ros2msg", "string data\n"), "ros1", False),
+    (("std_msgs/String", "ros1msg", "string data\n"), "cdr", False)])
+@pytest.mark.parametrize("chunked", [False, True])
+def test_a_channel_is_defined_again_only_with_the_same_type(tmp_path, capsys, schema, encoding, is_legal, chunked):
+    def described(number, name, kind, definition, encoding):
+        return (record(SCHEMA, struct.pack("<H", number) + text(name) + text(kind) + text(definition))
+                + record(CHANNEL, struct.pack("<HH", 1, number) + text("/x") + text(encoding) + text_map({})))
+
+    def said(number):
+        return record(MESSAGE, struct.pack("<HIQQ", 1, number, START_NS + number, START_NS + number) + text("abcd"))
+
+    data = (described(1, "std_msgs/String", "ros1msg", "string data\n", "ros1") + said(0)
+            + described(2, *schema, encoding) + said(1))
+    chunk = record(CHUNK, struct.pack("<QQQI", START_NS, START_NS + 1, len(data), 0) + text("")
+                   + struct.pack("<Q", len(data)) + data)
+    path = tmp_path / "again.mcap"
+    path.write_bytes(MAGIC + record(HEADER, text("ros1") + text("")) + (chunk if chunked else data)
+                     + record(DATA_END, bytes(4)) + record(FOOTER, bytes(20)) + MAGIC)
+    assert main(["cat", str(path)]) == (0 if is_legal else 1)
+    assert is_legal or "channel 1 is defined again with another topic or type" in capsys.readouterr().err
+    assert (diagnose(path).verdict == "whole") == is_legal
+    result = recover(path, tmp_path / "kept.mcap")
+    assert result.messages == 2
+    with open_log(tmp_path / "kept.mcap") as log:
+        assert len(log.connections) == 2 - is_legal

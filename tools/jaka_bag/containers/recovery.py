@@ -150,7 +150,7 @@ class LogRecovery:
         raise NotImplementedError
 
     def contradictions(self, counts: Dict[int, int]) -> List[str]:
-        """Return where a rosbag2 folder's declarations disagree with its files, one line each; empty for files.
+        """Return where the declarations of a rosbag2 folder or an MCAP disagree with the content, one line each.
 
         Args:
             counts: Messages that were read, by number of the connection.

@@ -176,10 +176,8 @@ def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> N
             findings.error("metadata %s: %s" % (entry.name, error))
 
 
-def _look_at_folder(path: PathLike, recovery: LogRecovery, seen: _Messages, findings: _Findings) -> None:
-    """Compare what a rosbag2 folder declares with its files, and open it as other commands do."""
-    for text in recovery.contradictions(seen.counts):
-        findings.error(text)
+def _look_at_folder(path: PathLike, recovery: LogRecovery, findings: _Findings) -> None:
+    """Open a rosbag2 folder as other commands do."""
     if recovery.expected is None:  # no declarations that can be read
         return
     try:
@@ -224,8 +222,10 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
     if recovery.misled and not str(path).endswith(".active"):
         findings.error("the index of %d chunks leads to other places than their messages" % recovery.misled)
     _look_at_connections(list(recovery.connections.values()), findings)
+    for contradiction in recovery.contradictions(seen.counts):
+        findings.error(contradiction)
     if os.path.isdir(str(path)):
-        _look_at_folder(path, recovery, seen, findings)
+        _look_at_folder(path, recovery, findings)
         return _told(path, seen, findings)
     try:
         with open_log(path) as reader:

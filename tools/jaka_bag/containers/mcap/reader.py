@@ -26,7 +26,7 @@ HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seque
 class Channels:
     """The schemas and channels declared so far in the order of a file.
 
-    A channel id that is defined again with another topic stands for another connection from there on, under a number
+    A channel id that is defined again with another topic or type stands for another connection from there on, under a number
     that no channel of a file can have.
 
     Args:
@@ -47,8 +47,10 @@ class Channels:
         """Return the number and the connection of a channel record's body."""
         number, connection = fmt.parse_channel(body, self.schemas)
         file_id = number
-        while self.known.setdefault(number, connection).topic != connection.topic:
+        while not fmt.is_same_channel(self.known.setdefault(number, connection), connection):
             number += fmt.MAX_CHANNELS + 1
+        if not fmt.is_described(self.known[number]):
+            self.known[number] = connection
         self.renamed.pop(file_id, None)
         if number != file_id:
             self.renamed[file_id] = number

@@ -40,7 +40,7 @@ _LATEST = (1 << 63) - 1
 _WINDOW = 4 << 20
 MAX_UNKNOWN = 4096
 """Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
-DEFINED_AGAIN = "channel %d is defined again with another topic"
+DEFINED_AGAIN = "channel %d is defined again with another topic or type"
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
@@ -150,6 +150,20 @@ def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connec
     return channel_id, Connection(
         topic, schema.name, md5sum, schema.text, callerid, None if latching is None else latching in ("true", "1"),
         tuple(metadata.items()), encoding, schema.encoding)
+
+
+def is_described(channel: Connection) -> bool:
+    """Return whether the schema of a channel is known."""
+    return any((channel.datatype, channel.schema_encoding, channel.definition))
+
+
+def is_same_channel(first: Connection, second: Connection) -> bool:
+    """Return whether two definitions have the same topic and encoding, and the same type where both have one."""
+    if (first.topic, first.encoding) != (second.topic, second.encoding):
+        return False
+    return not is_described(first) or not is_described(second) or (
+        first.datatype, first.schema_encoding, first.definition) == (
+            second.datatype, second.schema_encoding, second.definition)
 
 
 def parse_chunk_index(body: Buffer) -> ChunkIndex:
@@ -381,10 +395,18 @@ def _index_behind(raw: bytes) -> IndexTotals:
     return totals
 
 
-def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connection]) -> bool:
+def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connection],
+              schemas: Dict[int, Schema]) -> bool:
     """Return whether the data section between two bytes, outside of named chunks, holds nothing but what is known.
 
-    That is no message, no bytes that are no records, and no channel of another topic than the summary has.
+    That is no message, no bytes that are no records, and no channel of another topic or type than the summary has.
+
+    Args:
+        descriptor: The file.
+        begin: First byte.
+        end: Byte to stop at.
+        channels: Those of the summary.
+        schemas: Those of the data section outside of chunks so far; it grows.
     """
     while begin < end:
         head = read_at(descriptor, begin, RECORD_HEAD.size)
@@ -392,9 +414,11 @@ def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connect
         begin += RECORD_HEAD.size + length
         if opcode in (0, CHUNK, MESSAGE) or begin > end:
             return False
-        if opcode == CHANNEL:
-            number, channel = parse_channel(read_at(descriptor, begin - length, length), {})
-            if number not in channels or channels[number].topic != channel.topic:
+        if opcode == SCHEMA:
+            schemas.update([parse_schema(read_at(descriptor, begin - length, length))])
+        elif opcode == CHANNEL:
+            number, channel = parse_channel(read_at(descriptor, begin - length, length), schemas)
+            if number not in channels or not is_same_channel(channels[number], channel):
                 return False
     return True
 
@@ -418,8 +442,9 @@ def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> 
     """
     found: Dict[int, IndexTotals] = {}
     counts: Counter[int] = Counter()
+    schemas: Dict[int, Schema] = {}
     for chunk in summary.chunks:
-        if not _is_named(descriptor, begin, chunk.position, summary.channels):
+        if not _is_named(descriptor, begin, chunk.position, summary.channels, schemas):
             return "it does not name all that lies before byte %d" % chunk.position, found
         behind = chunk.position + chunk.size
         totals = found[chunk.position] = _index_behind(read_at(descriptor, behind, chunk.index_size))
@@ -428,7 +453,7 @@ def _contradiction(descriptor: int, summary: _Summary, begin: int, end: int) -> 
         if not chunk.index_offsets.keys() >= totals.counts.keys() or totals.contradicts(
                 chunk.start_time, chunk.end_time) or chunk.end_time > _LATEST:
             return "channels or times of the chunk at byte %d are not those of its messages" % chunk.position, found
-    if not _is_named(descriptor, begin, end, summary.channels):
+    if not _is_named(descriptor, begin, end, summary.channels, schemas):
         return "it does not name all that lies behind byte %d" % begin, found
     statistics = summary.statistics
     assert statistics is not None

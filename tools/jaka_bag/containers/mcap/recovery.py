@@ -342,6 +342,12 @@ class McapRecovery(LogRecovery):
         if reason:
             self.lose(at, end, "%s; %d messages of it were read" % (reason, kept))
 
+    def contradictions(self, counts: Dict[int, int]) -> List[str]:
+        """See ``LogRecovery``: the channels that the summary describes in another way than the data."""
+        return ["%s: the summary describes channel %d with another topic or type than the data" % (channel.topic, number)
+                for number, channel in self._summary_channels.items()
+                if not fmt.is_same_channel(channel, self._channels.known.get(number, channel))]
+
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogRecovery``."""
         return fmt.read_attachment(self.descriptor, entry)
