@@ -5,6 +5,7 @@ import zlib
 
 import pytest
 from log_samples import START_NS, read, states, write
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_variants import (
     CHANNEL,
@@ -166,3 +167,18 @@ def test_a_channel_is_defined_again_only_with_the_same_type(tmp_path, capsys, sc
     assert result.messages == 2
     with open_log(tmp_path / "kept.mcap") as log:
         assert len(log.connections) == 2 - is_legal
+
+
+def schemas_of(path):
+    """Return what the format's own library reads: the schema of each message."""
+    with path.open("rb") as stream:
+        return [(schema and (schema.name, schema.encoding, schema.data), channel.message_encoding, message.data)
+                for schema, channel, message in make_reader(stream).iter_messages()]
+
+
+@pytest.mark.parametrize("words", [["convert"], ["filter", "-t", "/j"], ["recover"], ["merge"]])
+def test_a_schema_without_a_name_is_kept(tmp_path, words):
+    path, out = tmp_path / "json.mcap", tmp_path / "out.mcap"
+    path.write_bytes(foreign([b'{"a":1}'], "/j", "json", ("", "jsonschema", b'{"type":"object"}')))
+    assert main([words[0], str(path), "-o", str(out), *words[1:]]) == 0
+    assert schemas_of(out) == schemas_of(path) == [(("", "jsonschema", b'{"type":"object"}'), "json", b'{"a":1}')]
