@@ -59,7 +59,8 @@ def test_a_message_index_that_became_an_end_of_the_data_hides_no_message(tmp_pat
 
 
 def test_messages_behind_an_end_of_the_data_are_found(tmp_path):
-    described = (record(SCHEMA, struct.pack("<H", 1) + text("std_msgs/String") + text("ros1msg") + text("string data\n"))
+    described = (record(SCHEMA, struct.pack("<H", 1) + text("std_msgs/String") + text("ros1msg")
+                        + text("string data\n"))
                  + record(CHANNEL, struct.pack("<HH", 1, 1) + text("/x") + text("ros1") + text_map({})))
 
     def chunk(time):
@@ -78,7 +79,10 @@ def test_messages_behind_an_end_of_the_data_are_found(tmp_path):
     assert result.messages == 40 and not result.is_whole
 
 
-def foreign(payloads, topic="/real", encoding="ros1", schema=("std_msgs/String", "ros1msg", b"string data\n"), **options):
+STRING = ("std_msgs/String", "ros1msg", b"string data\n")
+
+
+def foreign(payloads, topic="/real", encoding="ros1", schema=STRING, **options):
     """Return an MCAP that the format's own library writes."""
     out = io.BytesIO()
     writer = Writer(out, compression=CompressionType.NONE, **options)
@@ -182,3 +186,41 @@ def test_a_schema_without_a_name_is_kept(tmp_path, words):
     path.write_bytes(foreign([b'{"a":1}'], "/j", "json", ("", "jsonschema", b'{"type":"object"}')))
     assert main([words[0], str(path), "-o", str(out), *words[1:]]) == 0
     assert schemas_of(out) == schemas_of(path) == [(("", "jsonschema", b'{"type":"object"}'), "json", b'{"a":1}')]
+
+
+def without_summary(raw):
+    """Return an MCAP without its summary."""
+    end = positions(raw, DATA_END)[0] + 13
+    return raw[:end] + record(FOOTER, bytes(20)) + MAGIC
+
+
+@pytest.mark.parametrize("crc", [False, True])
+@pytest.mark.parametrize("form", ["whole", "without_summary", "active"])
+def test_a_payload_that_is_a_file_of_the_format_is_a_payload(tmp_path, crc, form):
+    inner = foreign([text("embedded %d" % i) for i in range(3)], "/fake")
+    files = [struct.pack("<I", len(part)) + part for part in (inner, inner[:400])]
+    payloads = [text("real%d" % i) for i in range(3)] + [files[0], text("last"), files[1], text("very last")]
+    raw = foreign(payloads, use_chunking=False, enable_data_crcs=crc)
+    if form == "without_summary":
+        raw = without_summary(raw)
+    path, kept = tmp_path / "log.mcap", tmp_path / "kept.mcap"
+    if form == "active":
+        raw, path = raw[:positions(raw, DATA_END)[0]], tmp_path / "log.mcap.active"
+    path.write_bytes(raw)
+    assert [sample.data for sample in read(path)] == payloads
+    assert diagnose(path).verdict == "whole"
+    assert recover(path, kept).is_whole
+    assert [(s.connection.topic, s.data) for s in read(kept)] == [("/real", payload) for payload in payloads]
+
+
+@pytest.mark.parametrize("crc, summary", [(False, True), (True, True), (False, False), (True, False)])
+def test_a_record_that_swallows_a_real_chunk_is_damage(tmp_path, crc, summary):
+    raw = foreign([text("said %d" % i) for i in range(40)], chunk_size=300, enable_data_crcs=crc)
+    raw = raw if summary else without_summary(raw)
+    index = positions(raw, MESSAGE_INDEX)[1]
+    chunks = [at for at in positions(raw, CHUNK) if at > index]
+    path = tmp_path / "log.mcap"
+    for stop in chunks[1:]:  # the length that leads exactly to a later chunk
+        path.write_bytes(raw[:index + 1] + struct.pack("<Q", stop - index - 9) + raw[index + 9:])
+        result = recover(path, tmp_path / "kept.mcap", overwrite=True)
+        assert result.messages == 40 and not result.is_whole

@@ -26,8 +26,8 @@ HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seque
 class Channels:
     """The schemas and channels declared so far in the order of a file.
 
-    A channel id that is defined again with another topic or type stands for another connection from there on, under a number
-    that no channel of a file can have.
+    A channel id that is defined again with another topic or type stands for another connection from there on, under a
+    number that no channel of a file can have.
 
     Args:
         known: Connections by the file's id; it grows.

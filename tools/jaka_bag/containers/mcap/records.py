@@ -423,6 +423,17 @@ def _is_named(descriptor: int, begin: int, end: int, channels: Dict[int, Connect
     return True
 
 
+def find_data_end(descriptor: int, size: int) -> int:
+    """Return where the last record of the data section begins, which the footer leads to; 0 where it does not."""
+    try:
+        start = read_footer(descriptor, size)[0] or size - FOOTER_SIZE - len(MAGIC)
+    except BagFormatError:
+        return 0
+    at = start - RECORD_HEAD.size - 4
+    is_there = at > 0 and read_at(descriptor, at, RECORD_HEAD.size) == RECORD_HEAD.pack(DATA_END, 4)
+    return at if is_there else 0
+
+
 def has_right_crc(descriptor: int, end: int) -> Optional[bool]:
     """Return whether the data section, whose last record begins at ``end``, has the CRC that it names; None if none."""
     raw = read_at(descriptor, end, RECORD_HEAD.size + 4)

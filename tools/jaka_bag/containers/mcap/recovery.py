@@ -2,6 +2,7 @@
 
 Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
+import bisect
 import os
 import struct
 import zlib
@@ -10,6 +11,7 @@ from typing import Counter, Dict, Generator, Iterator, List, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
+from ...messages.batch import MessageBatch
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
@@ -50,7 +52,10 @@ class McapRecovery(LogRecovery):
         self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
         self._data_end = self.size
         self._crcs: Dict[int, Optional[bool]] = {}
+        self._sealed_end: Optional[int] = None  # where the footer tells that all data ends; 0 where it does not
         self._summary_start = 0
+        self._sound_from = self.size  # whole records follow one another from here to the file's end
+        self._broken_at = -1  # no whole record begins here
         self._goes_on_at = 0  # a record of data that lies behind the end of the data as records tell it
         self._has_unchecked = False  # messages that no checksum but that of all data covers
         self._begin = len(fmt.MAGIC)
@@ -66,8 +71,8 @@ class McapRecovery(LogRecovery):
                 self._channels.schemas.update(summary.schemas)
                 self.learn(summary.channels)
                 self._summary_channels = summary.channels
-                self._indexes = [(chunk.position + chunk.size, chunk.position + chunk.size + chunk.index_size)
-                                 for chunk in summary.chunks]
+                self._indexes = sorted((chunk.position + chunk.size, chunk.position + chunk.size + chunk.index_size)
+                                       for chunk in summary.chunks)
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
@@ -93,8 +98,8 @@ class McapRecovery(LogRecovery):
     def _check_data(self) -> None:
         """Note a wrong checksum of all data where messages have no other one; called behind the walk."""
         if self._has_unchecked and self._has_right_crc(self._data_end) is False:
-            self.lose(self._begin, self._data_end, "the data section's CRC is wrong: messages outside of chunks, and of "
-                      "chunks without a CRC, which were kept, may not be as recorded")
+            self.lose(self._begin, self._data_end, "the data section's CRC is wrong: messages outside of chunks, and "
+                      "of chunks without a CRC, which were kept, may not be as recorded")
 
     def _has_right_crc(self, data_end: int) -> Optional[bool]:
         """Return whether the data up to its last record has the CRC that this names; None where it names none."""
@@ -116,7 +121,7 @@ class McapRecovery(LogRecovery):
         raw = read_at(self.descriptor, at, _INDEX_HEAD.size)
         if len(raw) < _INDEX_HEAD.size:
             return False
-        _, length, _, size = _INDEX_HEAD.unpack(raw)
+        _, length, _, size = map(int, _INDEX_HEAD.unpack(raw))
         return 0 < size == length - 6 and size % 16 == 0
 
     def _goes_on(self, at: int) -> bool:
@@ -144,8 +149,8 @@ class McapRecovery(LogRecovery):
             raise BagFormatError("a record is damaged")
         self.learn(parsed.connections)
         end = at + parsed.consumed
-        chunk = self._next_chunk(at + 1, end)
-        if chunk < end:  # it would be swallowed
+        chunk = self._swallowed(at, end, parsed.batch)
+        if chunk < end:
             parsed = scan(raw, self._channels, 0, chunk - at, True)
             damage: Optional[Damage] = Damage(at + parsed.consumed, chunk, "a record's length is damaged")
         else:
@@ -177,24 +182,67 @@ class McapRecovery(LogRecovery):
             _, length, _, size = _INDEX_HEAD.unpack(head)
             after = end + fmt.RECORD_HEAD.size + int(length)
             if after > self.size or length != 6 + size and not (
-                    0 < length - 6 - size <= fmt.MAX_UNKNOWN and self._places.fits(after)):
+                    0 < length - 6 - size <= fmt.MAX_UNKNOWN and self._places.fits(after)
+                    and self._swallowed(end, after) == after):
                 return end
             end = after
 
-    def _refuse_swallowing(self, at: int, end: int) -> None:
-        """Refuse records whose damaged length would swallow a chunk."""
-        if self._next_chunk(at + 1, end) < end:
-            raise BagFormatError("a record's length is damaged")
+    def _swallowed(self, begin: int, end: int, batch: Optional[MessageBatch] = None) -> int:
+        """Return the start of a chunk that records would swallow by a damaged length; their end where there is none.
+
+        A payload may be a file of this format: its chunks are no damage where the checksum of all data is right, or
+        where whole records follow one another to the file's end and the summary has no chunk in between.
+
+        Args:
+            begin: First byte of the records.
+            end: The byte behind them.
+            batch: The messages that they are.
+        """
+        chunk = self._next_chunk(begin + 1, end)
+        if chunk == end or self._is_sealed():
+            return end
+        if batch is None or self._has_named_chunk(begin, end):
+            return chunk
+        place = chunk - begin - batch.start
+        is_in_payload = bool(((place >= 0) & (place < batch.length)).any())
+        return end if is_in_payload and self._leads_on(end) else chunk
+
+    def _is_sealed(self) -> bool:
+        """Return whether the checksum of all data is right, which is calculated once and only where it matters."""
+        if self._sealed_end is None:
+            self._sealed_end = fmt.find_data_end(self.descriptor, self.size)
+        return self._sealed_end > 0 and self._has_right_crc(self._sealed_end) is True
+
+    def _has_named_chunk(self, begin: int, end: int) -> bool:
+        """Return whether the summary has a chunk that ends between two positions, or at the latter."""
+        first = bisect.bisect_right(self._indexes, (begin, self.size))
+        return first < len(self._indexes) and self._indexes[first][0] <= end
+
+    def _leads_on(self, at: int) -> bool:
+        """Return whether whole records follow one another from a position to the file's end."""
+        if at <= self._broken_at:
+            return False
+        begin = at
+        while at < self._sound_from:
+            end = self._places.end_of(at)
+            if read_at(self.descriptor, at, 1) == bytes([fmt.FOOTER]) and end + len(fmt.MAGIC) == self.size:
+                break
+            if not end:
+                self._broken_at = at
+                return False
+            at = end
+        self._sound_from = min(begin, self._sound_from)
+        return True
 
     def _other(self, at: int, opcode: int) -> int:
         """Read a record that holds no message; return its end."""
         end = self._record_end(at)
         is_end_sure = self._places.fits(end)
-        if not self._places.fits(at) or not is_end_sure and opcode not in (
-                fmt.ATTACHMENT, fmt.METADATA) or self._is_like_chunk(at):
+        if (not self._places.fits(at) or not is_end_sure and opcode not in (fmt.ATTACHMENT, fmt.METADATA)
+                or self._is_like_chunk(at) and not self._is_sealed()):
             raise BagFormatError("a record of kind %d is damaged" % opcode)
-        if opcode != fmt.ATTACHMENT:
-            self._refuse_swallowing(at, end)
+        if opcode != fmt.ATTACHMENT and self._swallowed(at, end) < end:
+            raise BagFormatError("a record's length is damaged")
         raw = read_at(self.descriptor, at, end - at)
         try:
             if opcode == fmt.ATTACHMENT:
@@ -205,7 +253,7 @@ class McapRecovery(LogRecovery):
                 self.metadata.append(fmt.parse_metadata(raw, at))
             elif opcode in (fmt.HEADER, fmt.DATA_END, fmt.FOOTER):
                 raise BagFormatError("a record of kind %d is where none can be" % opcode)
-            elif opcode > fmt.DATA_END and self._is_like_message(at):
+            elif opcode > fmt.DATA_END and self._is_like_message(at) and not self._is_sealed():
                 raise BagFormatError("a record of kind %d has the form of a message" % opcode)
             elif fmt.DATA_END < opcode < FIRST_PRIVATE:
                 self.notes.append("a record of the unknown kind %d at byte %d was skipped" % (opcode, at))
@@ -344,7 +392,8 @@ class McapRecovery(LogRecovery):
 
     def contradictions(self, counts: Dict[int, int]) -> List[str]:
         """See ``LogRecovery``: the channels that the summary describes in another way than the data."""
-        return ["%s: the summary describes channel %d with another topic or type than the data" % (channel.topic, number)
+        return ["%s: the summary describes channel %d with another topic or type than the data has" % (
+            channel.topic, number)
                 for number, channel in self._summary_channels.items()
                 if not fmt.is_same_channel(channel, self._channels.known.get(number, channel))]
 

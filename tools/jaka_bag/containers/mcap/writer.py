@@ -117,7 +117,8 @@ class McapWriter(LogWriter):
         key = (connection.datatype, connection.schema_encoding, connection.definition)
         pieces = []
         schema_id = self._schemas.get(key, 0)
-        if not schema_id and any(key):  # a schema of JSON may have no name
+        is_told = connection.datatype or connection.definition or connection.schema_encoding not in ("", "ros1msg")
+        if not schema_id and is_told:  # a schema of JSON may have no name
             schema_id = len(self._schemas) + 1  # 0 stands for "no schema"
             pieces.append(schema_record(schema_id, connection))
         channel_id = len(self._channels) + 1
