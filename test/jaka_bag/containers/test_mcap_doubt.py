@@ -4,10 +4,13 @@ import struct
 import zlib
 
 import pytest
-from log_samples import START_NS, read, states, write
+import zstandard
+from log_samples import START_NS, STATES, read, states, write
+from lz4 import frame
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_variants import (
+    ATTACHMENT,
     CHANNEL,
     CHUNK,
     DATA_END,
@@ -16,6 +19,7 @@ from mcap_variants import (
     MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
+    METADATA,
     SCHEMA,
     record,
     text,
@@ -24,6 +28,7 @@ from mcap_variants import (
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.records import records_in
+from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.operations.diagnosis import diagnose
 from jaka_bag.operations.recover import recover
@@ -224,3 +229,71 @@ def test_a_record_that_swallows_a_real_chunk_is_damage(tmp_path, crc, summary):
         path.write_bytes(raw[:index + 1] + struct.pack("<Q", stop - index - 9) + raw[index + 9:])
         result = recover(path, tmp_path / "kept.mcap", overwrite=True)
         assert result.messages == 40 and not result.is_whole
+
+
+def test_a_long_first_record_is_read(tmp_path):
+    path = tmp_path / "log.mcap"
+    raw = foreign([text("abcd")])
+    begin = 17 + struct.unpack_from("<Q", raw, 9)[0]
+    path.write_bytes(without_summary(MAGIC + record(HEADER, text("ros2") + text("x" * 3000)) + raw[begin:]))
+    with open_log(path) as log:
+        assert (log.index.profile, log.index.library) == ("ros2", "x" * 3000)
+    assert recover(path, tmp_path / "kept.mcap").is_whole
+
+
+def packed_chunk(codec, stored, data):
+    return record(CHUNK, struct.pack("<QQQI", START_NS, START_NS, len(data), zlib.crc32(data)) + text(codec)
+                  + struct.pack("<Q", len(stored)) + stored)
+
+
+@pytest.mark.parametrize("codec", ["zstd", "lz4"])
+@pytest.mark.parametrize("has_size", [True, False])
+def test_chunks_of_several_frames_and_of_none_are_read(tmp_path, codec, has_size):
+    def pack(part):
+        if codec == "lz4":
+            return frame.compress(part, store_size=has_size)
+        return zstandard.ZstdCompressor(write_content_size=has_size).compress(part)
+
+    data = (record(SCHEMA, struct.pack("<H", 1) + text("std_msgs/String") + text("ros1msg") + text("string data\n"))
+            + record(CHANNEL, struct.pack("<HH", 1, 1) + text("/x") + text("ros1") + text_map({}))
+            + b"".join(record(MESSAGE, struct.pack("<HIQQ", 1, i, START_NS, START_NS) + text("abcd"))
+                       for i in range(20)))
+    several = pack(data[:300]) + pack(data[300:350]) + pack(data[350:])
+    path = tmp_path / "log.mcap"
+    path.write_bytes(MAGIC + record(HEADER, text("ros1") + text("")) + packed_chunk(codec, b"", b"")
+                     + packed_chunk(codec, several, data) + record(DATA_END, bytes(4)) + record(FOOTER, bytes(20))
+                     + MAGIC)
+    assert len(read(path)) == 20 and diagnose(path).verdict == "whole"
+    assert recover(path, tmp_path / "kept.mcap").is_whole
+    path.write_bytes(path.read_bytes().replace(several, several[:-6] + bytes(6)))
+    assert not recover(path, tmp_path / "kept.mcap", overwrite=True).is_whole
+
+
+@pytest.mark.parametrize("crc, kind, is_whole", [(False, 0x90, True), (False, 0x85, False), (True, 0x85, True)])
+def test_a_private_record_may_begin_as_a_message_does(tmp_path, crc, kind, is_whole):
+    raw = without_summary(foreign([text("abcd"), text("abce")], use_chunking=False))
+    at = positions(raw, MESSAGE)[1]
+    data = (raw[:at] + record(kind, struct.pack("<HIQQ", 1, 7, START_NS, START_NS) + b"private")
+            + raw[at:positions(raw, DATA_END)[0]])
+    path = tmp_path / "log.mcap"
+    path.write_bytes(data + record(DATA_END, struct.pack("<I", zlib.crc32(data) if crc else 0))
+                     + record(FOOTER, bytes(20)) + MAGIC)
+    assert (diagnose(path).verdict == "whole") == is_whole
+    result = recover(path, tmp_path / "kept.mcap")
+    assert result.is_whole == is_whole and result.messages == 2
+
+
+def test_an_attachment_whose_kind_is_damaged_is_told_as_lost(tmp_path):
+    path = tmp_path / "log.mcap"
+    with McapWriter(path) as log:
+        log.add_message(log.add_channel(STATES), START_NS, bytes(8))
+        log.add_attachment("notes", b"abc")
+        log.add_metadata("facts", {"a": "b"})
+    raw = path.read_bytes()
+    assert recover(path, tmp_path / "kept.mcap").is_whole
+    for kind in (ATTACHMENT, METADATA):
+        for at in positions(raw, kind):
+            for bit in range(8):
+                path.write_bytes(flipped(raw, at, bit))
+                losses = recover(path, tmp_path / "kept.mcap", overwrite=True).losses
+                assert any(loss.begin == at for loss in losses), (kind, bit, losses)

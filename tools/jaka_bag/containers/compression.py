@@ -152,20 +152,38 @@ def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
     return result
 
 
-def _decompress_bz2(data: Buffer, size: int) -> bytes:
-    import bz2
+def _decompress_streams(new_decoder: Callable[[], Any], data: Buffer, size: int, may_have_rest: bool) -> bytes:
+    """Decompress the streams of a chunk; what follows its ``size`` bytes is more than claimed, or may be there."""
     parts: List[bytes] = []
-    total, rest = 0, bytes(data)
-    while rest and total <= size:  # a chunk may be several streams
-        decoder = bz2.BZ2Decompressor()
+    total, rest = 0, data
+    while len(rest) and total <= size and not (may_have_rest and parts and total == size):
+        decoder = new_decoder()
         parts.append(_bounded(decoder, rest, size - total))
         total += len(parts[-1])
         if not decoder.eof:
             if total <= size:
                 raise EOFError("it ends too early")
             break
-        rest = decoder.unused_data
-    return b"".join(parts)
+        rest = decoder.unused_data or b""
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def _decompress_zstd(data: Buffer, size: int) -> bytes:
+    zstandard = _import("zstandard", "zstd")
+    if not size and not len(data):
+        return b""
+    decoder = _local.__dict__.setdefault("zstd_decoder", None) or zstandard.ZstdDecompressor()
+    _local.zstd_decoder = decoder
+    told = zstandard.frame_content_size(data)
+    if told > size:
+        raise BagFormatError("a chunk has %d bytes instead of %d" % (told, size))
+    result: bytes = b""
+    if told in (-1, size):
+        result = decoder.decompress(data, max_output_size=max(size, 1))
+    if len(result) < size:  # a chunk may be several frames
+        with decoder.stream_reader(data, read_across_frames=True) as stream:
+            result = stream.read(size + 1)
+    return result
 
 
 def check_chunk(size: int, stored: int) -> None:
@@ -193,20 +211,12 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
         if codec in ("none", ""):
             result = data
         elif codec == "zstd":
-            zstandard = _import("zstandard", "zstd")
-            decoder = _local.__dict__.setdefault("zstd_decoder", None) or zstandard.ZstdDecompressor()
-            _local.zstd_decoder = decoder
-            told = zstandard.frame_content_size(data)
-            if told not in (-1, size):
-                raise BagFormatError("a chunk has %d bytes instead of %d" % (told, size))
-            result = decoder.decompress(data, max_output_size=max(size, 1))
+            result = _decompress_zstd(data, size)
         elif codec == "lz4":
-            lz4_decoder = _import("lz4.frame", "lz4").LZ4FrameDecompressor()
-            result = _bounded(lz4_decoder, data, size)
-            if not lz4_decoder.eof and len(result) <= size:
-                raise EOFError("it ends too early")
+            result = _decompress_streams(_import("lz4.frame", "lz4").LZ4FrameDecompressor, data, size, True)
         elif codec == "bz2":
-            result = _decompress_bz2(data, size)
+            import bz2
+            result = _decompress_streams(bz2.BZ2Decompressor, data, size, False)
         else:
             raise unknown_codec(codec)
     except BagError:

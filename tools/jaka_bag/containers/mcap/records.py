@@ -38,6 +38,8 @@ MAX_CHANNELS = 65535
 _LATEST = (1 << 63) - 1
 """Latest time, ns, that this package can hold."""
 _WINDOW = 4 << 20
+_LONGEST_HEADER = 1 << 20
+"""Bytes of the first record, at most: with more its length counts as damaged."""
 MAX_UNKNOWN = 4096
 """Bytes after a chunk record's data, for fields of later versions; with more its length counts as damaged."""
 DEFINED_AGAIN = "channel %d is defined again with another topic or type"
@@ -302,6 +304,8 @@ def read_file_head(descriptor: int) -> Tuple[str, str, int]:
         raise BagFormatError("the file is cut off in its first record")
     opcode, size = RECORD_HEAD.unpack_from(raw, len(MAGIC))
     begin = len(MAGIC) + RECORD_HEAD.size
+    if len(raw) - begin < size <= _LONGEST_HEADER:
+        raw = read_at(descriptor, 0, begin + size)
     if opcode != HEADER or size > len(raw) - begin:
         raise BagFormatError("the first record is cut off or damaged")
     cursor = Cursor(raw[begin:begin + size])

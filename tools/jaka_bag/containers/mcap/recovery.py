@@ -50,6 +50,7 @@ class McapRecovery(LogRecovery):
         self._loose_window = _LOOSE_WINDOW
         self._summary_channels: Dict[int, Connection] = {}
         self._indexes: List[Tuple[int, int]] = []  # where there are message indexes by the summary
+        self._extras: List[Tuple[int, int, str]] = []  # where attachments and metadata are by the summary
         self._data_end = self.size
         self._crcs: Dict[int, Optional[bool]] = {}
         self._sealed_end: Optional[int] = None  # where the footer tells that all data ends; 0 where it does not
@@ -73,6 +74,9 @@ class McapRecovery(LogRecovery):
                 self._summary_channels = summary.channels
                 self._indexes = sorted((chunk.position + chunk.size, chunk.position + chunk.size + chunk.index_size)
                                        for chunk in summary.chunks)
+                self._extras = [(entry.position, entry.position + entry.size, "%s %s" % (what, entry.name))
+                                for what, entries in (("the attachment", summary.attachments),
+                                                      ("the metadata", summary.metadata)) for entry in entries]
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
@@ -96,7 +100,14 @@ class McapRecovery(LogRecovery):
         self._check_data()
 
     def _check_data(self) -> None:
-        """Note a wrong checksum of all data where messages have no other one; called behind the walk."""
+        """Note what is missing by the summary, and a wrong checksum of messages that have no other one.
+
+        It is called behind the walk.
+        """
+        found = {entry.position for entry in self.attachments} | {entry.position for entry in self.metadata}
+        for position, end, what in self._extras:
+            if position not in found and not any(loss.begin <= position < loss.end for loss in self.losses):
+                self.lose(position, end, "%s, of which the summary tells, is not there" % what)
         if self._has_unchecked and self._has_right_crc(self._data_end) is False:
             self.lose(self._begin, self._data_end, "the data section's CRC is wrong: messages outside of chunks, and "
                       "of chunks without a CRC, which were kept, may not be as recorded")
@@ -266,9 +277,14 @@ class McapRecovery(LogRecovery):
         return end
 
     def _is_like_message(self, at: int) -> bool:
-        """Return whether a record of another kind has the channel and the time of a message."""
+        """Return whether a record of another kind has the channel and the time of a message.
+
+        The content of a private kind is its program's own: it counts only where one bit makes a message of the kind.
+        """
         raw = read_at(self.descriptor, at, fmt.MESSAGE_HEAD.size)
         if len(raw) < fmt.MESSAGE_HEAD.size or self._last_time is None:
+            return False
+        if raw[0] >= FIRST_PRIVATE and bin(raw[0] ^ fmt.MESSAGE).count("1") > 1:
             return False
         _, length, channel, _, time, _ = fmt.MESSAGE_HEAD.unpack(raw)
         return (length >= fmt.MESSAGE_HEAD.size - fmt.RECORD_HEAD.size and channel in self.connections
