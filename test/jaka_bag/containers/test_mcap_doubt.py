@@ -297,3 +297,15 @@ def test_an_attachment_whose_kind_is_damaged_is_told_as_lost(tmp_path):
                 path.write_bytes(flipped(raw, at, bit))
                 losses = recover(path, tmp_path / "kept.mcap", overwrite=True).losses
                 assert any(loss.begin == at for loss in losses), (kind, bit, losses)
+
+
+def test_a_message_index_that_became_a_message_is_none(tmp_path):
+    whole = write(tmp_path / "log.mcap", SAMPLES, "zstd", chunk_size=100).read_bytes()
+    path, kept = tmp_path / "cut.mcap", tmp_path / "kept.mcap"
+    for at in positions(whole, MESSAGE_INDEX):
+        raw = flipped(whole, at, 1)
+        assert raw[at] == MESSAGE
+        for end in (len(whole), positions(whole, DATA_END)[0]):
+            path.write_bytes(raw[:end])
+            result = recover(path, kept, overwrite=True)
+            assert read(kept) == SAMPLES and not result.is_whole

@@ -82,7 +82,7 @@ class McapRecovery(LogRecovery):
             pass  # that there is none is why the file is recovered
 
     def _stretches(self) -> Iterator[Stretch]:
-        at = self._begin
+        at, chunk_end = self._begin, 0
         while at < self.size:
             opcode = read_at(self.descriptor, at, 1)[0]
             if opcode in (fmt.DATA_END, fmt.FOOTER) and self._ends_data(at, opcode):
@@ -90,7 +90,10 @@ class McapRecovery(LogRecovery):
                 break
             try:
                 if opcode == fmt.CHUNK:
-                    at = yield from self._chunk(at)
+                    at = chunk_end = yield from self._chunk(at)
+                elif opcode == fmt.MESSAGE and at == chunk_end and self._is_like_index(at):
+                    begin, at = at, self._record_end(at)
+                    self.lose(begin, at, "a message index is damaged")
                 elif opcode in _LOOSE:
                     at = yield from self._loose(at)
                 else:
