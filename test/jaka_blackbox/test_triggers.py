@@ -1,4 +1,5 @@
 """The triggers of the black box in messages: states when they are entered, failed calls, diagnostics, conditions."""
+import json
 import struct
 
 import pytest
@@ -78,6 +79,40 @@ def test_damaged_messages_are_said_once_and_hurt_nothing(watch, notices):
     odd = Connection("/jaka_driver/robot_states", "jaka_msgs/RobotMsg", "0" * 32, "nonsense")
     assert not watch.look(odd, b"")
     assert len(notices) == 2
+
+
+@pytest.mark.parametrize("definition, raw", [
+    ("string[] status\n", struct.pack("<II", 1, 2) + b"ab"),
+    ("S[] status\n" + "=" * 80 + "\nMSG: diagnostic_msgs/S\nint32 level\n", struct.pack("<Ii", 1, 2)),
+    ("int32 status\n", struct.pack("<i", 2)),
+])
+def test_a_definition_of_the_publishers_own_is_said_once_and_ends_no_watch(watch, notices, definition, raw):
+    own = Connection(DIAGNOSTICS.topic, DIAGNOSTICS.datatype, "*", definition, "/odd")
+    for _ in range(3):
+        assert not watch.look(own, raw)
+    (line,) = notices
+    assert "%s is not watched for triggers" % DIAGNOSTICS.topic in line
+    assert kinds(watch.look(DIAGNOSTICS, diagnostics({"a": 2}))) == ["diagnostics"]
+
+
+def test_diagnostics_of_odd_types_are_kept_as_text(watch):
+    own = Connection(DIAGNOSTICS.topic, DIAGNOSTICS.datatype, "*", "S[] status\n" + "=" * 80 + "\nMSG: diagnostic_msgs/S\n"
+                     "uint8 level\nint32 name\nuint8[] message\ntime hardware_id\nP[] values\n" + "=" * 80
+                     + "\nMSG: diagnostic_msgs/P\nint32 key\nuint8[] value\n", "/odd")
+    raw = struct.pack("<IBiIBIIIiIB", 1, 2, 7, 1, 65, 0, 0, 1, 3, 1, 66)
+    assert kinds(watch.look(own, raw)) == ["diagnostics"]
+    (name, status), = watch.diagnostics.items()
+    assert name == "7" and json.loads(json.dumps(status)) == status and status["values"].keys() == {"3"}
+
+
+@pytest.mark.parametrize("connection", [STATES, CALLS])
+def test_states_and_calls_of_odd_types_end_no_watch(watch, connection):
+    own = connection._replace(md5sum="*", definition="string[] motion_state\nstring[] collision_state\nstring[] success")
+    raw = (struct.pack("<II", 1, 2) + b"ab") * 2 + struct.pack("<I", 0)
+    for _ in range(2):
+        watch.look(own, raw)
+    assert kinds(watch.look(STATES, states(2, 0, 0, 0))) == ["emergency_stop"]
+    assert kinds(watch.look(CALLS, call("/jaka_driver/joint_move", False))) == ["failed_call"]
 
 
 def test_values_of_every_kind_are_read():

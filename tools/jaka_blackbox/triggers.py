@@ -91,11 +91,14 @@ class TriggerWatch:
         reader, looks = known
         try:
             values = reader.read(payload)
+            return [trigger for look in looks for trigger in look(values)]
         except DefinitionError as error:
             self._notice("%s is not watched for triggers: %s" % (connection.topic, error))
-            self._looks[connection] = None
-            return []
-        return [trigger for look in looks for trigger in look(values)]
+        except Exception as error:  # the publisher's own definition makes of its type's fields whatever it likes
+            self._notice("%s is not watched for triggers: the fields of %s are not those of its type (%s: %s)" % (
+                connection.topic, connection.callerid, type(error).__name__, error))
+        self._looks[connection] = None
+        return []
 
     def _prepare(self, connection: Connection) -> Optional[Tuple[ValueReader, List[_Look]]]:
         topic, looks = connection.topic, []
@@ -139,10 +142,11 @@ class TriggerWatch:
     def _look_at_diagnostics(self, topic: str, values: Dict[str, Any]) -> List[Trigger]:
         triggers = []
         for status in values.get("status", ()):
-            name, level = status["name"], status["level"]
+            name, level = str(status["name"]), status["level"]  # texts, whatever the publisher's definition says
             self.diagnostics[name] = {
-                "level": level_name(level), "message": status["message"], "hardware_id": status["hardware_id"],
-                "values": {pair["key"]: pair["value"] for pair in status["values"]}}
+                "level": level_name(level), "message": str(status["message"]),
+                "hardware_id": str(status["hardware_id"]),
+                "values": {str(pair["key"]): str(pair["value"]) for pair in status["values"]}}
             was_error = self._errors.get((topic, name), False)
             self._errors[topic, name] = level == _ERROR_LEVEL
             if level == _ERROR_LEVEL and not was_error:

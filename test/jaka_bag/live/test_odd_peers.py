@@ -1,7 +1,10 @@
 """Peers with an odd address, and a system that refuses connections: what was begun is tried again."""
+import contextlib
 import errno
 import os
 import socket
+import struct
+import threading
 import time
 
 import pytest
@@ -10,6 +13,7 @@ from jaka_bag.live.graph import SlaveServer
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher
 from jaka_bag.live.subscriber import Subscriber, accept_all
+from jaka_bag.live.tcpros import encode_header
 
 PATIENCE_S = 20.0
 
@@ -39,6 +43,58 @@ def test_a_publisher_with_an_odd_address_is_asked_again(address):
         listener.close()
         talker.close()
     assert len(asked) >= 2
+
+
+class Talker:
+    """A publisher of ``std_msgs/String`` that sends one message to each that connects."""
+
+    def __init__(self):
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.slave = SlaveServer("/talker", "127.0.0.1", "127.0.0.1", lambda topic, uris: None, lambda reason: None)
+        self.slave.topic_address = lambda topic: self._listener.getsockname()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        links = []
+        with contextlib.suppress(OSError):
+            while True:
+                link = self._listener.accept()[0]
+                links.append(link)
+                link.recv(4096)
+                link.sendall(encode_header({"type": "std_msgs/String", "md5sum": "*", "callerid": "/talker"})
+                             + struct.pack("<II", 8, 4) + b"text")
+
+    def close(self):
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.slave.close()
+
+
+def test_a_publisher_that_meets_a_defect_costs_its_own_link_alone():
+    opened, taken, notices = [], [], []
+    odd, good = Talker(), Talker()
+
+    def open_stream(connection, uri):
+        opened.append(uri)
+        if uri == odd.slave.uri:
+            raise ValueError("nobody foresaw this")
+        return uri
+    listener = Subscriber(NodeNames("/me"), lambda *message: taken.append(message), open_stream, notices.append, str)
+    try:
+        for topic, talker in (("/odd", odd), ("/good", good)):
+            listener._accepts[topic] = accept_all
+            listener._on_publishers(topic, [talker.slave.uri])
+        until = time.monotonic() + PATIENCE_S
+        while not (taken and notices and opened.count(odd.slave.uri) >= 2) and time.monotonic() < until:
+            listener.poll(0.05)
+    finally:
+        listener._accepts.clear()
+        listener.close()
+        odd.close()
+        good.close()
+    assert [tag for tag, _, _ in taken] == [good.slave.uri]
+    assert opened.count(odd.slave.uri) >= 2 and opened.count(good.slave.uri) == 1
+    assert "nobody foresaw this" in notices[0] and len(set(notices)) == 1
 
 
 @pytest.mark.parametrize("number", [errno.EMFILE, errno.ECONNABORTED])

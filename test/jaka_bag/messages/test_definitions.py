@@ -34,7 +34,8 @@ def test_a_header_without_package_is_that_of_std_msgs():
 
 
 @pytest.mark.parametrize("text", ["int32", "int32 a b", "int32[x] a", "Other o", "Loop l" + "\n" + "=" * 80 + "\n"
-                                  "MSG: a/Loop\nLoop again", "int32 x\n" + "=" * 80 + "\nwhat is this\n"])
+                                  "MSG: a/Loop\nLoop again", "int32 x\n" + "=" * 80 + "\nwhat is this\n",
+                                  "int32[\u00b2] a", "int32[\u0663] a", "int32[%s] a" % ("9" * 5000), "int32[-1] a"])
 def test_a_definition_that_is_not_understood_is_refused(text):
     with pytest.raises(DefinitionError):
         parse_definition("a/B", text)

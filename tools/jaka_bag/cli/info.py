@@ -168,7 +168,7 @@ def _accident_rows(document: Dict[str, Any]) -> List[Tuple[str, str]]:
     rows = []
     for trigger in document.get("triggers", ()):
         written = trigger.get("time_ns", "")
-        at = int(written) if written.isdigit() and len(written) < 20 else 0
+        at = int(written) if written.isdecimal() and len(written) < 20 else 0
         start = document["start_ns"]
         rows.append(("triggers", "%s%s: %s%s" % (
             _moment(at), "" if start is None else ", %.3f s after the start" % ((at - start) / 1e9),

@@ -134,7 +134,7 @@ def _settings(args: argparse.Namespace) -> FileSettings:
 
 def _take_zstd_level(args: argparse.Namespace) -> None:
     """Split ``--zstd TOPIC`` into ``--zstd`` and a topic: a level is a number."""
-    if args.zstd and not args.zstd.isdigit():
+    if args.zstd and not args.zstd.isdecimal():
         args.topics.insert(0, args.zstd)
         args.zstd = ""
 

@@ -170,6 +170,9 @@ class Subscriber:
                     link.read(self._deliver)
             except (ConnectionLost, ProtocolError) as error:
                 self._lose(entry, error)
+            except Exception as error:  # whatever one publisher's header meets must not end what the others send
+                self._lose(entry, ProtocolError("the link to %s is given up (%s: %s)" % (
+                    link.publisher, type(error).__name__, str(error)[:160])))
         now = time.monotonic()
         if now >= self._next_housekeeping:
             self._next_housekeeping = now + _HOUSEKEEPING_S
@@ -272,8 +275,9 @@ class Subscriber:
             if accept is None or not accept(link.connection):
                 publisher.is_refused = True
                 raise ProtocolError("not wanted")
-            publisher.delay_s = _FIRST_RETRY_S
-            return self._open_stream(link.connection, uri)
+            tag = self._open_stream(link.connection, uri)
+            publisher.delay_s = _FIRST_RETRY_S  # behind what may fail, which would be tried again at once and for ever
+            return tag
 
         try:
             link = PublisherLink(self.names.node, topic, uri, address, self._tcp_nodelay, self._kernel_stamps, on_open)

@@ -5,6 +5,7 @@
 import base64
 import json
 import math
+import re
 from typing import Any
 
 from ..errors import DefinitionError
@@ -72,7 +73,8 @@ def pick(value: Any, path: str) -> Any:
     found = value[name]
     if bracket:
         number = index[:-1]
-        if not (index.endswith("]") and number.isdigit() and isinstance(found, list) and int(number) < len(found)):
+        if not (index.endswith("]") and re.fullmatch("[0-9]{1,9}", number) and isinstance(found, list)
+                and int(number) < len(found)):
             raise KeyError(path)
         found = found[int(number)]
     return pick(found, rest) if rest else found

@@ -3,6 +3,7 @@
 ``DefinitionError`` is raised where a text is not understood, or a type in it is missing or contains itself.
 """
 import hashlib
+import re
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import DefinitionError
@@ -16,6 +17,7 @@ PRIMITIVE_SIZES = {
 _DEEPEST = 60
 _MOST_FIELDS = 5000
 """Fields of a type with those of all types in it, beyond which a definition is taken for an attack."""
+_ARRAY_LENGTH = re.compile(r"([0-9]{0,9})\]\Z")
 _HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
 
 
@@ -66,10 +68,10 @@ def _parse_field(type_name: str, name: str, package: str) -> Field:
     base, bracket, rest = type_name.partition("[")
     array: Optional[int] = None
     if bracket:
-        digits = rest[:-1]
-        if not rest.endswith("]") or not (digits == "" or digits.isdigit()):
-            raise DefinitionError("array type %r is not understood" % type_name)
-        array = int(digits) if digits else -1
+        length = _ARRAY_LENGTH.match(rest)
+        if length is None:
+            raise DefinitionError("array type %r is not understood" % type_name[:60])
+        array = int(length.group(1) or -1)
     return Field(_resolve(base, package), name, array)
 
 

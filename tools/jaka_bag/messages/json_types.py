@@ -41,7 +41,7 @@ def _bytes(value: Any) -> bytes:
 
 def _number(value: Any) -> bytes:
     if isinstance(value, str):  # protobuf's JSON writes numbers that are none, and long ones, as texts
-        value = int(value) if value.lstrip("-").isdigit() else float(value)
+        value = int(value) if value.lstrip("-").isdecimal() else float(value)
     if isinstance(value, int) and int(float(value)) != value:
         raise ValueError("%d may be missing, and float64 does not hold it exactly" % value)
     return struct.pack("<d", math.nan if value is None else value)

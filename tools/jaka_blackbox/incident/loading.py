@@ -133,7 +133,7 @@ def _metadata(log: LogReader, name: str) -> Iterator[Dict[str, str]]:
 
 
 def _whole(text: Optional[str]) -> int:
-    return int(text) if text and text.isdigit() else 0
+    return int(text) if text and text.isdecimal() and len(text) < 20 else 0
 
 
 def _seconds(text: Optional[str], otherwise: float) -> float:
