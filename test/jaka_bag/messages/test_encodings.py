@@ -19,6 +19,7 @@ from jaka_bag.errors import BagError, DefinitionError
 from jaka_bag.live.log_source import LogSource
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.encodings import as_ros1
+from jaka_bag.messages.values import ValueReader
 from jaka_bag.operations.columns import read_columns
 
 SAMPLES = state_log(2.0)
@@ -142,6 +143,40 @@ def test_json_with_a_schema_becomes_columns(tmp_path):
     assert json.loads(fields["any"][0]) == {"k": [1]} and json.loads(fields["self"][0]) == {"count": 1}
     assert main(["export", str(path), "-o", str(tmp_path / "out.npz"), "-q"]) == 0
     assert main(["compare", str(path), str(path)]) == 0
+
+
+def test_json_types_and_fields_whose_names_meet_keep_their_own_values():
+    number = {"type": "number"}
+    schema = {"type": "object", "properties": {
+        "tool": {"type": "object", "properties": {"force": {"type": "object", "properties": {
+            "limit": number, "actual": number}}}},
+        "tool_force": {"type": "object", "properties": {"actual": number, "limit": number}},
+        "a_b": number, "a.b": number, "a_b_2": number, "a-b": number}}
+    value = {"tool": {"force": {"limit": 150.0, "actual": 3.0}}, "tool_force": {"actual": 7.0, "limit": 80.0},
+             "a_b": 1.0, "a.b": 2.0, "a_b_2": 3.0, "a-b": 4.0}
+    read_back = ValueReader(Connection("/j", "Cell", definition=json.dumps(schema), encoding="json",
+                                       schema_encoding="jsonschema")).read(json.dumps(value).encode())
+    assert read_back["tool"] == value["tool"] and read_back["tool_force"] == value["tool_force"]
+    assert [part for name, part in read_back.items() if not name.startswith("tool")] == [1.0, 2.0, 3.0, 4.0]
+
+
+def test_protobuf_types_whose_names_meet_keep_their_own_values():
+    pb2 = pytest.importorskip("google.protobuf.descriptor_pb2")
+    file = pb2.FileDescriptorProto(name="x.proto", package="p", syntax="proto3")
+    for name, fields in (("F1", [("limit", 1, ""), ("actual", 1, "")]), ("F2", [("actual", 1, ""), ("limit", 1, "")]),
+                         ("Tool", [("force", 11, ".p.F1")]),
+                         ("Root", [("tool", 11, ".p.Tool"), ("tool_force", 11, ".p.F2")])):
+        message = file.message_type.add(name=name)
+        for number, (field, kind, type_name) in enumerate(fields):
+            message.field.add(name=field, number=number + 1, type=kind, label=1, type_name=type_name or None)
+    pairs = [b"\x09" + struct.pack("<d", first) + b"\x11" + struct.pack("<d", second)
+             for first, second in ((150.0, 3.0), (7.0, 80.0))]
+    inner = b"\x0a%c" % len(pairs[0]) + pairs[0]
+    raw = b"\x0a%c" % len(inner) + inner + b"\x12%c" % len(pairs[1]) + pairs[1]
+    descriptors = pb2.FileDescriptorSet(file=[file]).SerializeToString().decode("utf-8", "surrogateescape")
+    assert ValueReader(Connection("/p", "p.Root", definition=descriptors, encoding="protobuf",
+                                  schema_encoding="protobuf")).read(raw) == {
+        "tool": {"force": {"limit": 150.0, "actual": 3.0}}, "tool_force": {"actual": 7.0, "limit": 80.0}}
 
 
 @pytest.mark.parametrize("message", [{"count": "x"}, {"count": 2 ** 70, "on": True}, {"count": 1, "on": 5}, [1], 7,

@@ -97,6 +97,8 @@ def parse_type(datatype: str, text: str) -> MessageType:
             raise DefinitionError("definition of %s: line %r is not understood" % (datatype, line[:60]))
         else:
             fields.append(_parse_field(type_name, rest, package))
+    if len({field.name for field in fields}) < len(fields):
+        raise DefinitionError("definition of %s: two fields have one name" % datatype)
     return MessageType(datatype, tuple(constants), tuple(fields))
 
 
@@ -107,7 +109,9 @@ def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
     lines: List[str] = []
     for line in text.splitlines() + ["=" * 80]:
         if len(line) >= 40 and not line.strip("="):
-            types.setdefault(name, parse_type(name, "\n".join(lines)))
+            parsed = parse_type(name, "\n".join(lines))
+            if types.setdefault(name, parsed) != parsed:
+                raise DefinitionError("the definition of %s has two of %s" % (datatype, name))
             name, lines = "", []
         elif not name:
             if line.strip():

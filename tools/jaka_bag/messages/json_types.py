@@ -61,6 +61,18 @@ _TEXT, _NUMBER = _Kind("string", _text), _Kind("float64", _number)
 _SIMPLE = {"string": _TEXT, "number": _NUMBER, "integer": _Kind("int64", _integer), "boolean": _Kind("bool", _flag)}
 
 
+def _free(name: str, taken: Dict[str, int]) -> str:
+    """Return a name, with ``_2``, ``_3`` where it is taken; it is taken from now on."""
+    number = taken.get(name, 0) + 1
+    made = name if number == 1 else "%s_%d" % (name, number)
+    while number > 1 and made in taken:
+        number += 1
+        made = "%s_%d" % (name, number)
+    taken[name] = number
+    taken.setdefault(made, 1)
+    return made
+
+
 class JsonType:
     """The ROS 1 form of a JSON type.
 
@@ -85,6 +97,7 @@ class JsonType:
             raise DefinitionError("the JSON Schema of %s cannot be read (%s)" % (name, error)) from error
         self._parts: List[str] = []
         self._fields = 0
+        self._type_names = {self.name: 1}
         fields = self._resolved(self._root)
         if not isinstance(fields.get("properties"), dict):
             raise DefinitionError("the JSON Schema of %s describes no object with properties" % name)
@@ -138,15 +151,14 @@ class JsonType:
         must = set(map(str, required)) if isinstance(required, list) and is_certain else set()
         lines: List[str] = []
         writers: List[Tuple[str, Write]] = []
-        used: Dict[str, int] = {}
+        taken: Dict[str, int] = {}
         for key, value in schema["properties"].items():
             self._fields += 1
             if self._fields > _MOST_FIELDS:
                 raise DefinitionError("the JSON Schema of %s describes more than %d fields" % (self.name, _MOST_FIELDS))
             field = re.sub(r"\W", "_", key, flags=re.ASCII)
             field = field if re.match("[A-Za-z]", field) else "x" + field
-            used[field] = used.get(field, 0) + 1
-            field += "" if used[field] == 1 else "_%d" % used[field]
+            field = _free(field, taken)
             kind = self._kind("%s_%s" % (name, field), self._resolved(value), key in must, above)
             lines.append("%s %s" % (kind.name, field))
             writers.append((key, kind.write))
@@ -170,7 +182,8 @@ class JsonType:
             return _SIMPLE[one]
         is_fixed = id(schema) not in above and len(above) < _DEEPEST
         if one == "object" and isinstance(schema.get("properties"), dict) and schema["properties"] and is_fixed:
-            return _Kind(name, self._message(name, schema, (*above, id(schema)), is_certain))
+            own = _free(name, self._type_names)  # tool: {force} and tool_force would be one type
+            return _Kind(own, self._message(own, schema, (*above, id(schema)), is_certain))
         if one == "array" and isinstance(schema.get("items"), dict) and schema["items"].get("type") != "array":
             inner = self._kind(name, self._resolved(schema["items"]), True, above)
             if not inner.name.endswith("]"):
