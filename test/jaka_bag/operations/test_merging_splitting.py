@@ -1,5 +1,6 @@
 import json
 import os
+import struct
 import subprocess
 import sys
 
@@ -13,7 +14,7 @@ from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, OutputExists
 from jaka_bag.messages.connection import Connection
 from jaka_bag.operations.merge import merge
-from jaka_bag.operations.split import SplitLimits, split
+from jaka_bag.operations.split import SplitLimits, _Parts, split
 
 SAMPLES = state_log(3.0)
 
@@ -124,6 +125,30 @@ def test_latched_messages_are_repeated_with_their_flag(tmp_path):
     assert heads[1].time == read(result.parts[1][0])[1].time
     plain = split(source, tmp_path / "plain.bag", SplitLimits(duration=10**9))
     assert [read(path)[0].connection == MODEL for path, _ in plain.parts] == [True, False, False]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_repeated_messages_leave_room_for_a_parts_own(tmp_path, monkeypatch, count):
+    latched = [Connection(topic, "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data", "/n", True)
+               for topic in ("/a", "/b")]
+    text = struct.pack("<I", 1) + b"x"
+    samples = [Sample(latched[0], START_NS, text), Sample(latched[1], START_NS + 1, text)] + [
+        Sample(STATES, START_NS + 10 + i, bytes([i] * 8)) for i in range(6)]
+    source = write(tmp_path / "source.bag", samples)
+    begin = _Parts.begin
+    begun = []
+
+    def guarded(parts, time):
+        begun.append(time)
+        assert len(begun) <= 20, "the split goes on without end"
+        return begin(parts, time)
+    monkeypatch.setattr(_Parts, "begin", guarded)
+    result = split(source, tmp_path / "part.bag", SplitLimits(messages=count), repeat_latched=True)
+    assert len(result.parts) == -(-len(samples) // count)
+    merge([path for path, _ in result.parts], tmp_path / "all.bag")
+    found = read(tmp_path / "all.bag")
+    assert [found.count(sample) for sample in samples] == [1] * len(samples)
+    assert len(found) == sum(messages for _, messages in result.parts)
 
 
 def test_a_failed_split_leaves_no_parts(tmp_path, monkeypatch):

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limits = parser.add_argument_group("where to split (at least one)")
     limits.add_argument("--size", type=megabytes, metavar="MB", help="size of a part (also 500k, 2G)")
     limits.add_argument("--duration", type=positive_ns, metavar="TIME", help="length of a part (2m, 5s, 1:30)")
-    limits.add_argument("--count", type=count, metavar="N", help="messages of a part")
+    limits.add_argument("--count", type=count, metavar="N", help="messages of a part, without those that it repeats")
     parser.add_argument("--repeat-latched", action="store_true",
                         help="begin each further part with the newest message of each latched publisher")
     add_compression(parser)

@@ -54,6 +54,7 @@ class _Parts:
         self.done: List[Tuple[str, int]] = []
         self.writer: Optional[LogWriter] = None
         self.begin_time = 0
+        self.own = 0
         self._check(0)
         self._folder = OutputFolder(stem.with_name(stem.name + ".split"), lambda left: bool(
             self._pattern.fullmatch(left[:-len(".part")] if left.endswith(".part") else left)))
@@ -71,7 +72,7 @@ class _Parts:
         path = self._check(len(self.done))
         self.writer = create_log(self._folder.working_path / path.name, *self._settings)
         self.writer.name = str(path)
-        self.begin_time = time
+        self.begin_time, self.own = time, 0
         return self.writer
 
     def finish(self) -> None:
@@ -106,13 +107,20 @@ class _Parts:
 
 
 def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: SplitLimits) -> int:
-    """Return how many of the batch's first messages still belong to a part."""
+    """Return how many of the batch's first messages still belong to a part; one or more to an empty one.
+
+    Args:
+        batch: The messages that come next.
+        begin_time: The part's first log time, ns.
+        written: The part's own messages so far, without those that it repeats.
+        limits: Limits of a part.
+    """
     fits = len(batch)
     if limits.duration is not None:
         fits = min(fits, int(np.searchsorted(batch.log_time, begin_time + limits.duration)))
     if limits.messages is not None:
         fits = min(fits, limits.messages - written)
-    return fits
+    return fits if written else max(fits, 1)  # a part without messages of its own would be followed by another, for ever
 
 
 class _Latched:
@@ -178,11 +186,12 @@ def split(source: PathLike, stem: PathLike, limits: SplitLimits, compression: Op
                             writer = begin(first)
                             for batch in latched.repeated(first) if repeat_latched and parts.done else ():
                                 writer.append(writer.encode(batch, ids))
-                        fits = _cuts(rest, parts.begin_time, writer.message_count, limits)
+                        fits = _cuts(rest, parts.begin_time, parts.own, limits)
                         taken, rest = rest.take(slice(0, fits)), rest.take(slice(fits, len(rest)))
                         latched.look(taken)
                         assert losses is not None
                         writer.append(writer.encode(losses.look(taken), ids))
+                        parts.own += len(taken)
                         if len(rest) or (limits.size is not None and writer.position >= limits.size):
                             parts.finish()
                 if on_progress is not None:
