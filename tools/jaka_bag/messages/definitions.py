@@ -17,6 +17,8 @@ PRIMITIVE_SIZES = {
 _DEEPEST = 60
 _MOST_FIELDS = 5000
 """Fields of a type with those of all types in it, beyond which a definition is taken for an attack."""
+_MOST_MESSAGES = 2000000
+"""Messages in a message by fixed arrays alone: where they have no bytes, a short message would have them all."""
 _ARRAY_LENGTH = re.compile(r"([0-9]{0,9})\]\Z")
 _HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
 
@@ -125,26 +127,50 @@ def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
 
 
 def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...],
-                  known: Dict[str, Tuple[int, int]]) -> Tuple[int, int]:
-    """Return the number of a type's fields, nested ones included, and its depth; both are limited."""
+                  known: Dict[str, Tuple[int, int, int]]) -> Tuple[int, int, int]:
+    """Return what is limited of a type: fields, nested ones included, depth, and messages in it by fixed arrays."""
     if name in known:
         return known[name]
     if name not in types:
         raise DefinitionError("the definition of %s lacks %s" % (above[0] if above else name, name))
     if name in above:
         raise DefinitionError("%s contains itself" % name)
-    count, depth = 0, 1
+    count, depth, messages = 0, 1, 1
     for inner in types[name].fields if len(above) < _DEEPEST else ():
-        below = (1, 0) if inner.is_builtin else _check_closed(inner.type, types, above + (name,), known)
+        below = (1, 0, 0) if inner.is_builtin else _check_closed(inner.type, types, above + (name,), known)
         count += 1 if inner.is_builtin else 1 + below[0]
         depth = max(depth, 1 + below[1])
+        messages += below[2] * (1 if inner.array is None else max(inner.array, 1))
     if depth > _DEEPEST or len(above) >= _DEEPEST:
         raise DefinitionError("the definition of %s is more than %d types deep" % ((above + (name,))[0], _DEEPEST))
     if count > _MOST_FIELDS:
         raise DefinitionError("the definition of %s describes more than %d fields"
                               % ((above + (name,))[0], _MOST_FIELDS))
-    known[name] = (count, depth)
+    if messages > _MOST_MESSAGES:
+        raise DefinitionError("the definition of %s describes more than %d messages in one"
+                              % ((above + (name,))[0], _MOST_MESSAGES))
+    known[name] = (count, depth, messages)
     return known[name]
+
+
+def least_size(type_name: str, types: Dict[str, MessageType], known: Dict[str, int]) -> int:
+    """Return the least number of bytes of a type's value; zero only where no value has any.
+
+    Args:
+        type_name: A type.
+        types: All types by full name.
+        known: The sizes of messages that are done; it grows.
+    """
+    if type_name == "string":
+        return 4
+    if type_name in PRIMITIVE_SIZES:
+        return PRIMITIVE_SIZES[type_name]
+    if type_name not in known:
+        known[type_name] = sum(
+            4 if field.array is not None and field.array < 0
+            else least_size(field.type, types, known) * (1 if field.array is None else field.array)
+            for field in types[type_name].fields)
+    return known[type_name]
 
 
 def md5_of(datatype: str, types: Dict[str, MessageType], known: Optional[Dict[str, str]] = None) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import DefinitionError
 from .batch import Array, MessageBatch, converted, distinct, rows
 from .connection import Connection
-from .definitions import PRIMITIVE_SIZES, MessageType
+from .definitions import PRIMITIVE_SIZES, MessageType, least_size
 from .encodings import as_ros1, ros1_form, types_of
 
 _U32 = struct.Struct("<I")
@@ -70,19 +70,6 @@ class _Walker:
         self.lengths_at: List[int] = []
         self.runs: Dict[str, Tuple[str, List[int], List[int], bool]] = {}
 
-    def _least_size(self, type_name: str) -> int:
-        """Return the least number of bytes of a type's value; zero only where no value has any."""
-        if type_name == "string":
-            return 4
-        if type_name in PRIMITIVE_SIZES:
-            return PRIMITIVE_SIZES[type_name]
-        if type_name not in self._least:
-            self._least[type_name] = sum(
-                4 if field.array is not None and field.array < 0
-                else self._least_size(field.type) * (1 if field.array is None else field.array)
-                for field in self._types[type_name].fields)
-        return self._least[type_name]
-
     def _count_one(self) -> None:
         self._left -= 1
         if self._left < 0:
@@ -113,7 +100,7 @@ class _Walker:
             if size is not None:
                 self._leaf(name, field.type, count, size, in_array)
                 continue
-            least = self._least_size(field.type)
+            least = least_size(field.type, self._types, self._least)
             if count * least > len(self._raw):
                 raise DefinitionError("a message is shorter than its definition says")
             if least == 0:  # messages of nothing but constants have no bytes

@@ -7,7 +7,7 @@ from typing import Any, Callable, Dict, List, Tuple
 
 from ..errors import DefinitionError
 from .connection import Connection
-from .definitions import PRIMITIVE_SIZES, MessageType
+from .definitions import PRIMITIVE_SIZES, MessageType, least_size
 from .encodings import as_ros1, ros1_form, types_of
 
 CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
@@ -17,6 +17,8 @@ _U32 = struct.Struct("<I")
 STAMPS = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
 """Layouts of the two types of times: seconds and nanoseconds."""
 _NS = 1e-9
+_MOST_VALUES, _MOST_PER_BYTE = 100000, 16
+"""Messages in a message, with their fields, beyond which it is refused: arrays of types without bytes nest for nothing."""
 _SHORT = "a message is shorter than its definition says"
 MakeTime = Callable[[int, int], Any]
 """Seconds and nanoseconds to the value of a time or a duration."""
@@ -45,6 +47,8 @@ class ValueReader:
         self._types = types_of(connection)
         self._make_time = make_time
         self._errors = errors
+        self._least: Dict[str, int] = {}
+        self._left = 0
 
     def has(self, path: Tuple[str, ...]) -> bool:
         """Return whether messages have a field of this path, such as ``("header", "stamp")``."""
@@ -64,6 +68,7 @@ class ValueReader:
     def read(self, raw: bytes) -> Dict[str, Any]:
         """Return the values of one message, by the names of its fields."""
         raw = raw if self._form is None else self._form.convert(raw)
+        self._left = _MOST_VALUES + _MOST_PER_BYTE * len(raw)
         try:
             values, end = self._message(self._types[self._datatype], raw, 0)
         except struct.error:
@@ -74,6 +79,9 @@ class ValueReader:
 
     def _message(self, kind: MessageType, raw: bytes, at: int) -> Tuple[Dict[str, Any], int]:
         values: Dict[str, Any] = {}
+        self._left -= 1 + len(kind.fields)
+        if self._left < 0:
+            raise DefinitionError("a message of %d bytes has too many values" % len(raw))
         for field in kind.fields:
             if field.array is None:
                 values[field.name], at = self._one(field.type, raw, at)
@@ -85,9 +93,8 @@ class ValueReader:
         return values, at
 
     def _array(self, type_name: str, count: int, raw: bytes, at: int) -> Tuple[Any, int]:
-        types = self._types
-        size = PRIMITIVE_SIZES.get(type_name, 0 if type_name in types and not types[type_name].fields else 1)
-        if count * size > len(raw) - at or (not size and count > len(raw)):
+        size = least_size(type_name, self._types, self._least)
+        if count * size > len(raw) - at:
             raise DefinitionError(_SHORT)
         if type_name in ("uint8", "char"):
             return raw[at:at + count], at + count
