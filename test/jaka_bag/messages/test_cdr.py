@@ -142,3 +142,16 @@ def test_types_without_fields_are_converted(definition):
     made = cdr_batch(batch, {0: converter})
     assert len(made) == 12 and (made.length == made.length[0]).all() and int(made.length[0]) >= 4
     assert "open" not in converter.kind.definition
+
+
+def test_what_is_kept_of_layouts_does_not_grow_with_the_messages():
+    log = Connection("/log", "a/Log", definition="string a\nstring b\n")
+    converter = CdrConverter(log)
+    for first in range(0, 3000, 250):
+        raws = [text("x" * (i % 60)) + text("y" * (i // 60)) for i in range(first, first + 250) for _ in range(9)]
+        length = np.array(list(map(len, raws)))
+        batch = MessageBatch(np.frombuffer(b"".join(raws), np.uint8), np.cumsum(length) - length, length,
+                             np.zeros(len(raws), np.int32), np.arange(len(raws)))
+        made = converter.convert(batch, np.arange(len(raws)))
+        assert sum(len(which) for which, _ in made) == len(raws)
+    assert len(converter._seen) <= 512 and len(converter._maps) <= 512

@@ -14,6 +14,8 @@ from .ros2_types import Ros2Type
 _MAP_LIMIT = 8192
 """Larger messages, byte, go through rosbags one by one: there it copies whole arrays."""
 _WORTH_A_MAP = 8
+_MOST_COUNTED = 512
+"""Layouts of which anything is kept: more than the finder knows again, which keeps the first ones."""
 
 
 class ByteMap(NamedTuple):
@@ -75,11 +77,16 @@ class CdrConverter:
         layout = group.layout
         if layout.length > _MAP_LIMIT:
             return None
-        if layout not in self._maps:
-            self._seen[layout] = self._seen.get(layout, 0) + len(group.which)
-            if self._seen[layout] >= _WORTH_A_MAP:
-                self._maps[layout] = learn_map(layout, self.kind)
-        return self._maps.get(layout)
+        known = self._maps.get(layout)
+        if known is None:
+            is_kept = layout in self._seen or len(self._seen) < _MOST_COUNTED
+            count = self._seen.get(layout, 0) + len(group.which)
+            known = learn_map(layout, self.kind) if count >= _WORTH_A_MAP else None
+            if is_kept:
+                self._seen[layout] = count
+                if known is not None:
+                    self._maps[layout] = known
+        return known
 
     def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
         """Return (positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
