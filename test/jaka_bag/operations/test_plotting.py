@@ -1,16 +1,30 @@
 import math
 import os
+import struct
 import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from log_samples import POSE, START_NS, connection, model, pose, state_log, write
+from log_samples import (
+    JOINTS,
+    POSE,
+    START_NS,
+    Sample,
+    connection,
+    header,
+    in_order,
+    model,
+    pose,
+    state_log,
+    text,
+    write,
+)
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError, MissingDependency
 from jaka_bag.operations.columns import read_columns
-from jaka_bag.operations.plot import panels_of, plot, thin
+from jaka_bag.operations.plot import Sketch, panels_of, plot, thin
 
 SAMPLES = state_log(2.0)
 
@@ -97,3 +111,36 @@ def test_the_program(tmp_path, capsys, monkeypatch):
     with pytest.raises(MissingDependency, match="matplotlib"):
         plot(read_columns(path), tmp_path / "x.svg", "log")
     assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "log.svg"]
+
+
+def _turned(sample_names, count=100):
+    """Return messages of joints at constant places, whose names come in the orders given, one after the other."""
+    places = {"joint_1": 1.0, "joint_2": 2.0, "other": 3.0}
+    samples = []
+    for i in range(count):
+        names = sample_names[i * len(sample_names) // count]
+        samples.append(Sample(JOINTS, START_NS + i * 10**7, header(i, START_NS, "") + struct.pack("<I", len(names))
+                              + b"".join(map(text, names)) + struct.pack("<I", len(names)) + struct.pack(
+                                  "<%dd" % len(names), *[places[name] for name in names]) + struct.pack("<II", 0, 0)))
+    return samples
+
+
+@pytest.mark.parametrize("by_piece", [False, True])
+def test_joints_are_drawn_under_their_own_names_whatever_the_order(tmp_path, by_piece):
+    samples = _turned([("joint_1", "joint_2"), ("joint_2", "joint_1")])
+    sketch = Sketch()
+    for i, some in enumerate([samples[:50], samples[50:]] if by_piece else [samples]):
+        for topic, columns in read_columns(write(tmp_path / ("%d.bag" % i), some)).items():
+            sketch.add(topic, columns)
+    lines = sketch.panels()[0][0].lines
+    assert {name: set(values.tolist()) for name, _, values in lines} == {"joint_1": {1.0}, "joint_2": {2.0}}
+    assert not sketch.notes
+
+
+def test_joints_of_changing_names_are_left_out_with_a_note(tmp_path, capsys):
+    log = write(tmp_path / "log.bag", in_order(_turned([("joint_1", "joint_2"), ("joint_1", "other")])
+                                               + [s for s in SAMPLES if s.connection != JOINTS]))
+    assert main(["plot", str(log), "-o", str(tmp_path / "log.svg")]) == 0
+    assert "%s is left out" % JOINTS.topic in "".join(capsys.readouterr())
+    panels, _ = panels_of(read_columns(log))
+    assert panels and not any(panel.title.startswith(JOINTS.topic) for panel in panels)

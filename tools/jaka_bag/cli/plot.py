@@ -82,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
         sketch = _sketch(reader, span.apply(selection, index.start_time, index.end_time), topics, args, report)
         if not sketch.message_count and len(topics) == len(chosen):
             raise UsageError("%s: no message is selected that can be drawn" % args.source)
+        report.tell("note", sketch.notes)
         panels, paths = sketch.panels()
     count = draw(panels, target, Path(args.source).name, paths, args.force)
     return report.only("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count})

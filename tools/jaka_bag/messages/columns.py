@@ -14,6 +14,10 @@ _TYPES = {name: np.dtype(code) for name, code in {
     "float32": "<f4", "float64": "<f8"}.items()}
 
 
+_WIDE_BYTES, _WASTE = 32 << 20, 4
+"""Texts are no table of one width where that has more bytes, and so many times those of the texts of each layout."""
+
+
 class Columns(NamedTuple):
     """All messages of one topic, in the order of time.
 
@@ -22,7 +26,8 @@ class Columns(NamedTuple):
         log_time: Time of recording, ns since the epoch, int64, shape (n,).
         publish_time: Time of publishing, ns, int64, shape (n,); the log time where the log has none.
         fields: By dotted name (``header.stamp``, ``pose.position.x``), first axis is the message. Times and durations
-            are int64 ns; strings are numpy byte strings (``S``); arrays have a second axis, or are objects, one array
+            are int64 ns; strings are numpy byte strings (``S``), or objects, one ``bytes`` a message, where one ends
+            with a zero or a long one would widen many short ones; arrays have a second axis, or are objects, one array
             a message, where their length changes. Arrays of messages are spread over their fields, the elements one
             after the other (``transforms.header.stamp``).
     """
@@ -43,9 +48,23 @@ def _strings(matrix: Array, leaf: Leaf) -> Array:
     return padded.view("S%d" % width)[:, :, 0]
 
 
+def _exact_strings(matrix: Array) -> Array:
+    """Return texts as objects: ``S`` would lose the zeros at their end."""
+    made = np.empty(len(matrix), object)
+    made[:] = [row.tobytes() for row in matrix]
+    return made
+
+
+def is_ragged(column: Array) -> bool:
+    """Return whether a column has an array a message whose length changes; texts as objects are none."""
+    return column.dtype == object and not (len(column) > 0 and isinstance(column[0], bytes))
+
+
 def leaf_values(matrix: Array, leaf: Leaf) -> Array:
     """Return a field of messages of one layout: shape (n,), or (n, values) for an array."""
     if leaf.type == "string":
+        if not leaf.is_array and leaf.counts[0] and not matrix[:, leaf.offsets[0] + leaf.counts[0] - 1].all():
+            return _exact_strings(matrix[:, leaf.offsets[0]:leaf.offsets[0] + leaf.counts[0]])
         values = _strings(matrix, leaf)
     else:
         kind = _TYPES[leaf.type]
@@ -55,6 +74,28 @@ def leaf_values(matrix: Array, leaf: Leaf) -> Array:
         if kind.names:  # seconds and nanoseconds
             values = values["f0"].astype(np.int64) * NS_PER_S + values["f1"]
     return values if leaf.is_array else values[:, 0]
+
+
+def by_name(values: Array, names: Array, wanted: Array) -> Optional[Array]:
+    """Return rows of values, shape (n, k), each in the order of ``wanted``: a publisher may change that of its names.
+
+    Args:
+        values: The values.
+        names: The name of each, shape (n, k).
+        wanted: The names in the order that is asked for, shape (k,).
+
+    Returns:
+        None where a row has other names, or a name twice in an order of its own.
+    """
+    if (names == wanted).all():
+        return values
+    order, places = names.argsort(axis=1, kind="stable"), wanted.argsort(kind="stable")
+    in_alphabet = wanted[places]
+    if (in_alphabet[1:] == in_alphabet[:-1]).any() or (np.take_along_axis(names, order, 1) != in_alphabet).any():
+        return None
+    result = np.empty_like(values)
+    result[:, places] = np.take_along_axis(values, order, 1)
+    return result
 
 
 class _Taken(NamedTuple):
@@ -72,6 +113,20 @@ class Part(NamedTuple):
     taken: List[_Taken]
 
 
+def _is_wasteful(values: List[Array]) -> bool:
+    """Return whether texts as one table, all as wide as the longest, take far more room than what they are."""
+    if any(some.dtype.kind != "S" or some.ndim > 1 for some in values):
+        return False
+    joined = max(some.itemsize for some in values) * sum(map(len, values))
+    return joined > _WIDE_BYTES and joined > _WASTE * sum(some.nbytes for some in values)
+
+
+def _as_objects(texts: Array) -> Array:
+    made = np.empty(len(texts), object)
+    made[:] = texts.tolist()
+    return made
+
+
 def _join(where: List[Array], values: List[Array], count: int) -> Array:
     """Join one column from the values of each layout of each chunk and their positions."""
     if len({v.shape[1:] for v in values}) > 1:
@@ -80,6 +135,8 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
             for place, value in zip(places.tolist(), some):
                 ragged[place] = value
         return ragged
+    if _is_wasteful(values):
+        values = [_as_objects(some) for some in values]
     joined: Array = values[0] if len(values) == 1 else np.concatenate(values)
     places = where[0] if len(where) == 1 else np.concatenate(where)
     if (places[1:] < places[:-1]).any():

@@ -136,7 +136,8 @@ def _add_topic(archive: zipfile.ZipFile, reader: LogReader, topic: str, base: st
         name = names[field]
         if values.dtype == object:
             _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
-            values = np.concatenate(list(values))
+            values = np.frombuffer(b"".join(values), np.uint8) if isinstance(values[0], bytes) else np.concatenate(
+                list(values))
         _add_array(archive, "%s/%s" % (base, name), values)
     return len(columns.log_time)
 

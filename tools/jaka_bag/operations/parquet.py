@@ -51,6 +51,8 @@ def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
     if is_bytes(leaf):
         return pa.array([row.tobytes() for row in values], pa.binary())
     lengths = None
+    if values.dtype == object and leaf.type == "string" and not leaf.is_array:
+        return pa.array([text.decode("utf-8", "replace") for text in values], pa.string())
     if values.dtype == object:
         lengths = np.array([len(row) for row in values], np.int64)
         values = np.concatenate(list(values))

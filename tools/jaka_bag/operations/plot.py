@@ -8,7 +8,7 @@ import numpy as np
 from ..driver_interface import MotionState
 from ..errors import BagError, MissingDependency
 from ..messages.batch import Array
-from ..messages.columns import Columns
+from ..messages.columns import Columns, by_name
 from ..messages.connection import Connection
 from ..messages.encodings import described
 from ..output_file import OutputFile
@@ -81,7 +81,9 @@ class _TopicSketch:
         self.rank = 0
         self.curves: List[_Curves] = []
         self.path: Optional[EveryNth] = None
+        self.note = ""
         self._is_undrawable = False
+        self._joints: Optional[Array] = None
 
     def _same_as_before(self, curves: Sequence[_Curves]) -> List[_Curves]:
         self.curves = self.curves or list(curves)
@@ -118,13 +120,21 @@ class _TopicSketch:
             return
         labels = ["[%d]" % i for i in range(position.shape[1])]
         names = columns.fields.get("name")
-        if names is not None and names.dtype.kind == "S" and names.shape[1:] == (len(labels),):
+        has_names = names is not None and names.dtype.kind == "S" and names.shape[1:] == (len(labels),)
+        if names is not None and has_names:
+            self._joints = names[0].copy() if self._joints is None and not self.curves else self._joints
             labels = [name.decode("utf-8", "replace") for name in names[0]]
         curves, = self._same_as_before([_Curves(self._topic + "  position", "rad", labels)])
-        if len(curves.names) != len(labels):
+        ordered: Optional[Array] = position
+        if names is not None and has_names and self._joints is not None and self._joints.shape == names.shape[1:]:
+            ordered = by_name(position, names, self._joints)
+        elif len(curves.names) != len(labels) or has_names or self._joints is not None:
+            ordered = None
+        if ordered is None:
             self._is_undrawable, self.curves = True, []
+            self.note = "%s is left out: the names of its joints change" % self._topic
             return
-        curves.add(time, position.T)
+        curves.add(time, ordered.T)
 
     def add_field(self, time: Array, columns: Columns, name: str) -> None:
         """Add one field by its name.
@@ -184,6 +194,11 @@ class Sketch:
         for one, name in self._fields:
             if one == topic:
                 self._by_field.setdefault((topic, name), _TopicSketch(topic)).add_field(time, columns, name)
+
+    @property
+    def notes(self) -> Tuple[str, ...]:
+        """A line for each topic that is left out."""
+        return tuple(sketch.note for _, sketch in sorted(self._by_topic.items()) if sketch.note)
 
     def panels(self) -> Tuple[List[Panel], Dict[str, Array]]:
         """Return the diagrams, and the path of each topic of TCP positions, m (n, 3).

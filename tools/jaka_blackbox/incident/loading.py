@@ -15,7 +15,7 @@ from jaka_bag.driver_interface import CALL_TYPE, DIAGNOSTICS_TYPE, STATE_TYPE
 from jaka_bag.errors import DefinitionError, UsageError
 from jaka_bag.log_records import ACCIDENT, DROPS, RECORDING, TRIGGER
 from jaka_bag.messages.batch import Array
-from jaka_bag.messages.columns import Columns
+from jaka_bag.messages.columns import Columns, by_name
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.selection import Selection, TimePoint
 from jaka_bag.messages.values import ValueReader
@@ -228,13 +228,17 @@ class _Loader:
                                                 if column.ndim == 1 and column.dtype.kind in "iub"}
 
     def _take_joints(self, topic: str, columns: Columns, time: Array) -> None:
-        value, names = columns.fields["position"], columns.fields["name"]
+        value, names, velocity = (columns.fields[name] for name in ("position", "name", "velocity"))
         if value.dtype == object or value.ndim != 2 or not value.shape[1]:
             return
         labels = tuple("joint %d" % (number + 1) for number in range(value.shape[1]))
         if names.dtype != object and names.shape[1:] == value.shape[1:]:
+            ordered = [by_name(column, names, names[0]) if column.shape == value.shape else column
+                       for column in (value, velocity)]
+            if ordered[0] is None or ordered[1] is None:  # the values of one joint would be shown as another's
+                return
+            value, velocity = ordered[0], ordered[1]
             labels = tuple(bytes(name).decode("utf-8", "replace") for name in names[0])
-        velocity = columns.fields["velocity"]
         if velocity.dtype == object or velocity.shape != value.shape:
             velocity = _rate(time, value)
         self._incident.joints[topic] = Motion(labels, time, value, velocity)

@@ -6,7 +6,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ...messages.batch import Array
-from ...messages.columns import Columns
+from ...messages.columns import Columns, is_ragged
 from ...units import NS_PER_S
 from .publishers import by_length, name_of, spread
 from .run import Contents
@@ -88,7 +88,7 @@ class Splitter:
             handled = {name: _TRANSFORM_FIELDS.get(name.rsplit(".", 1)[-1], NUMBERS) for name in fields}
             fields = {}
         for name, column in fields.items():
-            if column.ndim == 2 or column.dtype == object:
+            if column.ndim == 2 or is_ragged(column):
                 length = _lengths(column)
                 if len(length):
                     names.append(name + " (length)")

@@ -1,0 +1,72 @@
+"""Columns of messages: one long text costs what it is long, and no text loses what is in it."""
+import tracemalloc
+
+import numpy as np
+import pytest
+from log_samples import START_NS, Sample, connection, text, write
+
+from jaka_bag.containers.registry import open_log
+from jaka_bag.messages.selection import Selection
+from jaka_bag.operations.columns import read_columns
+from jaka_bag.operations.export import export
+
+LOG = connection("/log", "std_msgs/String", "string data\n")
+LONG = "x" * 300000
+BOUND = 150 << 20
+"""Byte: far above what the messages need, far below one width for all of them, 6 GB."""
+
+
+def with_one_long_text(path, count=20000):
+    return write(path, [Sample(LOG, START_NS + i, text(LONG if i == count // 2 else "line %d" % i))
+                        for i in range(count)])
+
+
+def peak_of(function, *arguments):
+    tracemalloc.start()
+    try:
+        function(*arguments)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def exported(log, target):
+    with open_log(log) as reader:
+        return export(reader, target, Selection())
+
+
+def test_one_long_text_does_not_widen_all_others(tmp_path):
+    log = with_one_long_text(tmp_path / "log.mcap")
+    assert peak_of(read_columns, log) < BOUND
+    column = read_columns(log)[LOG.topic].fields["data"]
+    assert column.shape == (20000,) and bytes(column[7]) == b"line 7" and len(column[10000]) == len(LONG)
+
+
+def test_one_long_text_is_exported_in_bounded_memory(tmp_path):
+    log = with_one_long_text(tmp_path / "log.mcap")
+    assert peak_of(exported, log, tmp_path / "log.parquet") < BOUND
+    assert peak_of(exported, log, tmp_path / "log.npz") < BOUND
+    parquet = pytest.importorskip("pyarrow.parquet")
+    texts = parquet.read_table(str(tmp_path / "log.parquet"))["data"].to_pylist()
+    assert texts[7] == "line 7" and texts[10000] == LONG and len(texts) == 20000
+    with np.load(str(tmp_path / "log.npz"), allow_pickle=False) as arrays:
+        data, lengths = arrays["log/data"], arrays["log/data.lengths"]
+    assert data.dtype == np.uint8 and lengths.sum() == len(data) and lengths[10000] == len(LONG)
+    start = lengths[:7].sum()
+    assert data[start:start + lengths[7]].tobytes() == b"line 7"
+
+
+def test_zeros_at_the_end_of_a_text_are_kept(tmp_path):
+    words = ["E100\0\0", "E100", "\0", ""]
+    log = write(tmp_path / "log.bag", [Sample(LOG, START_NS + i, text(word)) for i, word in enumerate(words)])
+    assert list(map(bytes, read_columns(log)[LOG.topic].fields["data"])) == [word.encode() for word in words]
+    exported(log, tmp_path / "log.csv")
+    with open(str(tmp_path / "log.csv"), encoding="utf-8", newline="") as lines:
+        assert [line.rstrip("\r\n").split(",")[1].strip('"') for line in lines][1:] == words
+    exported(log, tmp_path / "log.npz")
+    with np.load(str(tmp_path / "log.npz"), allow_pickle=False) as arrays:
+        assert arrays["log/data"].tobytes() == "".join(words).encode()
+        assert arrays["log/data.lengths"].tolist() == list(map(len, words))
+    parquet = pytest.importorskip("pyarrow.parquet")
+    exported(log, tmp_path / "log.parquet")
+    assert parquet.read_table(str(tmp_path / "log.parquet"))["data"].to_pylist() == words
