@@ -96,8 +96,8 @@ def test_a_definition_of_the_publishers_own_is_said_once_and_ends_no_watch(watch
 
 
 def test_diagnostics_of_odd_types_are_kept_as_text(watch):
-    own = Connection(DIAGNOSTICS.topic, DIAGNOSTICS.datatype, "*", "S[] status\n" + "=" * 80 + "\nMSG: diagnostic_msgs/S\n"
-                     "uint8 level\nint32 name\nuint8[] message\ntime hardware_id\nP[] values\n" + "=" * 80
+    own = Connection(DIAGNOSTICS.topic, DIAGNOSTICS.datatype, "*", "S[] status\n" + "=" * 80
+                     + "\nMSG: diagnostic_msgs/S\nuint8 level\nint32 name\nuint8[] message\ntime hardware_id\nP[] values\n" + "=" * 80
                      + "\nMSG: diagnostic_msgs/P\nint32 key\nuint8[] value\n", "/odd")
     raw = struct.pack("<IBiIBIIIiIB", 1, 2, 7, 1, 65, 0, 0, 1, 3, 1, 66)
     assert kinds(watch.look(own, raw)) == ["diagnostics"]
@@ -107,7 +107,8 @@ def test_diagnostics_of_odd_types_are_kept_as_text(watch):
 
 @pytest.mark.parametrize("connection", [STATES, CALLS])
 def test_states_and_calls_of_odd_types_end_no_watch(watch, connection):
-    own = connection._replace(md5sum="*", definition="string[] motion_state\nstring[] collision_state\nstring[] success")
+    fields = "".join("string[] %s\n" % name for name in ("motion_state", "collision_state", "success"))
+    own = connection._replace(md5sum="*", definition=fields)
     raw = (struct.pack("<II", 1, 2) + b"ab") * 2 + struct.pack("<I", 0)
     for _ in range(2):
         watch.look(own, raw)

@@ -11,7 +11,6 @@ from jaka_bag.messages.definitions import (
     parse_type,
 )
 
-
 TWICE = "C one\n" + "=" * 80 + "\nMSG: a/C\nint32 a\nint32 b\n" + "=" * 80 + "\nMSG: a/C\n%s\n"
 
 

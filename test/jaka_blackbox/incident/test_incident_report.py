@@ -64,6 +64,18 @@ def log(tmp_path_factory):
     return path
 
 
+def test_joints_keep_their_names_whatever_the_order_of_a_message(tmp_path):
+    turned = []
+    for number, sample in enumerate(accident()):
+        if sample.connection == JOINTS and number % 2:
+            names = ["joint_%d" % joint for joint in (6, 5, 4, 3, 2, 1)]
+            sample = joints(number, sample.time, [0.0, 1.5, 1.5, -1.5, 1.5, 0.25], names)
+        turned.append(sample)
+    (motion,) = load_incident(write(tmp_path / "log.mcap", turned)).joints.values()
+    assert motion.names == tuple("joint_%d" % joint for joint in range(1, 7))
+    assert (motion.value[:, 1:] == [1.5, -1.5, 1.5, 1.5, 0.0]).all()
+
+
 def test_each_second_tells_what_happened_in_it(log):
     incident = load_incident(log)
     seconds = {second.start: second for second in seconds_of(incident)}

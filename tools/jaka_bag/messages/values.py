@@ -18,7 +18,7 @@ STAMPS = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
 """Layouts of the two types of times: seconds and nanoseconds."""
 _NS = 1e-9
 _MOST_VALUES, _MOST_PER_BYTE = 100000, 16
-"""Messages in a message, with their fields, beyond which it is refused: arrays of types without bytes nest for nothing."""
+"""Messages in a message, with their fields, beyond which it is refused: arrays without bytes nest for nothing."""
 _SHORT = "a message is shorter than its definition says"
 MakeTime = Callable[[int, int], Any]
 """Seconds and nanoseconds to the value of a time or a duration."""

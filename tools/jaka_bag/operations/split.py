@@ -120,7 +120,7 @@ def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: SplitLimit
         fits = min(fits, int(np.searchsorted(batch.log_time, begin_time + limits.duration)))
     if limits.messages is not None:
         fits = min(fits, limits.messages - written)
-    return fits if written else max(fits, 1)  # a part without messages of its own would be followed by another, for ever
+    return fits if written else max(fits, 1)  # an empty part would be followed by others, for ever
 
 
 class _Latched:
