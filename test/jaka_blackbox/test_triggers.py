@@ -97,7 +97,8 @@ def test_a_definition_of_the_publishers_own_is_said_once_and_ends_no_watch(watch
 
 def test_diagnostics_of_odd_types_are_kept_as_text(watch):
     own = Connection(DIAGNOSTICS.topic, DIAGNOSTICS.datatype, "*", "S[] status\n" + "=" * 80
-                     + "\nMSG: diagnostic_msgs/S\nuint8 level\nint32 name\nuint8[] message\ntime hardware_id\nP[] values\n" + "=" * 80
+                     + "\nMSG: diagnostic_msgs/S\nuint8 level\nint32 name\n"
+                     "uint8[] message\ntime hardware_id\nP[] values\n" + "=" * 80
                      + "\nMSG: diagnostic_msgs/P\nint32 key\nuint8[] value\n", "/odd")
     raw = struct.pack("<IBiIBIIIiIB", 1, 2, 7, 1, 65, 0, 0, 1, 3, 1, 66)
     assert kinds(watch.look(own, raw)) == ["diagnostics"]
