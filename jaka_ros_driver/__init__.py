@@ -3,6 +3,7 @@
 The rooms, from the ground up; a room imports only from those above it in this list:
 
 errors, units       what can go wrong; mm and deg to SI
+yaml_text           YAML of files that people write: no key twice
 scheduling          what the operating system is asked for, so that threads wake in time
 background_log      log records and lines on standard error, written in a thread of their own
 state, commands     one sample of the arm; what an arm can be asked to do (SI units, frozen)

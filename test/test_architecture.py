@@ -18,7 +18,7 @@ def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
     return {absolute(room): set(map(absolute, others)) for room, others in allowed.items()}
 
 
-GROUND = {"background_log", "errors", "scheduling", "units"}
+GROUND = {"background_log", "errors", "scheduling", "units", "yaml_text"}
 DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.dialect", "simulation.controller", "simulation.server"}
 FLOOR = {"allocator", "errors", "units", "interrupts", "driver_interface", "log_records", "paths", "output_file",
@@ -38,6 +38,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "units": set(),
         "background_log": set(),
         "scheduling": set(),
+        "yaml_text": {"errors"},
         "state": GROUND,
         "commands": GROUND | {"state"},
         "kinematics": DOMAIN,
@@ -49,7 +50,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "audit": set(),
         "simulation": DOMAIN | SIMULATION | {"kinematics", "protocol", "wire"},
         "simulation.arm": DOMAIN | {"kinematics"},
-        "simulation.dialect": {"errors"},
+        "simulation.dialect": {"errors", "yaml_text"},
         "simulation.controller": DOMAIN | {"kinematics", "protocol", "simulation.arm", "simulation.dialect"},
         "simulation.server": DOMAIN | {"kinematics", "protocol", "wire", "simulation.arm", "simulation.dialect",
                                        "simulation.controller"},

@@ -17,13 +17,13 @@ Every key may be missing; ``rpy`` (rotations about the fixed axes x, y, z) too, 
 import difflib
 import math
 import os
-import reprlib
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.clearance.distances import SignedDistance
 from jaka_ros_driver.clearance.shape import FLANGE_FRAME, Capsule
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.rotations import Vector3, matrix_from_rpy
+from jaka_ros_driver.yaml_text import load_yaml, short
 
 MOST_BYTES = 100000
 """Largest size of a workspace file."""
@@ -127,7 +127,7 @@ class Workspace(NamedTuple):
 
     def as_yaml(self) -> str:
         """Return the text of which ``workspace_of_text`` makes this workspace."""
-        import yaml  # as in ``_content``
+        import yaml  # imported here, because most cells have no workspace
         return str(yaml.safe_dump(self.as_mapping(), sort_keys=False, allow_unicode=True, width=120))
 
     def summary(self) -> str:
@@ -150,7 +150,7 @@ def load_workspace(path: str) -> Workspace:
         if os.path.getsize(path) > MOST_BYTES:
             raise InvalidCommand("has more than %d bytes" % MOST_BYTES)
         with open(path, encoding="utf-8") as file:
-            content = _content(file.read())
+            content = load_yaml(file.read())
         return workspace_of({} if content is None else content)
     except InvalidCommand as error:
         raise InvalidCommand("workspace file %s: %s" % (path, error)) from error
@@ -168,20 +168,12 @@ def workspace_of_text(text: str) -> Workspace:
     if len(text.encode("utf-8", "surrogatepass")) > MOST_BYTES:
         raise InvalidCommand("the yaml has more than %d bytes" % MOST_BYTES)
     try:
-        content = _content(text)
+        content = load_yaml(text)
     except InvalidCommand as error:
         raise InvalidCommand("the yaml %s" % error) from error
     if content is None:
         raise InvalidCommand("the yaml holds nothing; {} is a workspace without zones and tool")
     return workspace_of(content)
-
-
-def _content(text: str) -> Any:
-    import yaml  # imported here, because most cells have no workspace
-    try:
-        return yaml.load(text, Loader=yaml.SafeLoader)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:  # ValueError: a date or a number that is none
-        raise InvalidCommand("is no YAML: %s" % _one_line(error)) from error
 
 
 def _one_line(error: Exception) -> str:
@@ -216,7 +208,7 @@ def _items(mapping: Mapping[str, Any], key: str) -> Tuple[List[str], List[Any]]:
         items = []
     if not isinstance(items, list) or len(items) > MOST_ITEMS:
         raise InvalidCommand("%s is %s; it must be a list of at most %d" % (
-            key, "a list of %d" % len(items) if isinstance(items, list) else _short(items), MOST_ITEMS))
+            key, "a list of %d" % len(items) if isinstance(items, list) else short(items), MOST_ITEMS))
     return ["%s %d" % (key, n + 1) for n in range(len(items))], items
 
 
@@ -244,12 +236,14 @@ def _tool_capsule(place: str, item: Any) -> Capsule:
 
 def _check_keys(place: str, item: Any, required: Sequence[str], optional: Sequence[str]) -> None:
     if not isinstance(item, dict):
-        raise InvalidCommand("%s is %s; it must be a mapping of keys to values" % (place, _short(item)))
+        raise InvalidCommand("%s is %s; it must be a mapping of keys to values" % (place, short(item)))
     known = tuple(required) + tuple(optional)
-    for key in map(str, item):
+    for key in item:
+        if not isinstance(key, str):
+            raise InvalidCommand("%s has the key %s; a key must be a text" % (place, short(key)))
         if key not in known:
             raise InvalidCommand("%s has the unknown key %s; nearest known is %s" % (
-                place, _short(key), difflib.get_close_matches(key[:LONGEST_NAME], known, n=1, cutoff=0.0)[0]))
+                place, short(key), difflib.get_close_matches(key[:LONGEST_NAME], known, n=1, cutoff=0.0)[0]))
     for key in required:
         if key not in item:
             raise InvalidCommand("%s lacks the key %s" % (place, key))
@@ -259,27 +253,19 @@ def _name(place: str, item: Mapping[str, Any]) -> str:
     name = item["name"]
     if not isinstance(name, str) or not name.strip() or len(name) > LONGEST_NAME or not name.isprintable():
         raise InvalidCommand("%s: name is %s; it must be a text of 1 to %d characters" % (
-            place, _short(name), LONGEST_NAME))
+            place, short(name), LONGEST_NAME))
     return name
 
 
 def _number(place: str, value: Any, low: float, high: float) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise InvalidCommand("%s is %s; it must be a number from %g to %g" % (place, _short(value), low, high))
+        raise InvalidCommand("%s is %s; it must be a number from %g to %g" % (place, short(value), low, high))
     return float(value)
 
 
 def _vector(place: str, item: Mapping[str, Any], key: str, low: float, high: float) -> Vector3:
     value = item[key]
     if not isinstance(value, (list, tuple)) or len(value) != 3:
-        raise InvalidCommand("%s: %s is %s; it must be a list of three numbers" % (place, key, _short(value)))
+        raise InvalidCommand("%s: %s is %s; it must be a list of three numbers" % (place, key, short(value)))
     x, y, z = (_number("%s: %s" % (place, key), number, low, high) for number in value)
     return x, y, z
-
-
-def _short(value: Any) -> str:
-    """Return a value as error texts show it: short, whatever a file's aliases make of it."""
-    try:
-        return reprlib.repr(value)
-    except ValueError:  # Python prints no integer of more than 4,300 digits
-        return "a number of thousands of digits"

@@ -27,6 +27,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 from jaka_ros_driver import units
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.state import Vector
+from jaka_ros_driver.yaml_text import load_yaml, short
 
 MODELS_FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "data", "models.yaml")
 
@@ -190,10 +191,11 @@ def load_model_file(path: str) -> ArmModel:
     """
     name = os.path.splitext(os.path.basename(path))[0]
     try:
-        entry = _read_yaml(path)
+        with open(path, encoding="utf-8") as file:
+            entry = load_yaml(file.read())
         if not isinstance(entry, dict):
             raise InvalidCommand("holds no mapping of keys to values")
-        return _model_from_entry(str(entry.get("name", name)), entry, {})
+        return _model_from_entry(_text(entry, "name", name), entry, {})
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else _one_line(error)
         raise InvalidCommand("model file %s: cannot be read: %s" % (path, reason)) from error
@@ -203,20 +205,10 @@ def load_model_file(path: str) -> ArmModel:
 
 @lru_cache(maxsize=None)
 def _data() -> Dict[str, Any]:
-    data: Dict[str, Any] = _read_yaml(MODELS_FILE)
-    return data
-
-
-def _read_yaml(path: str) -> Any:
     import yaml  # imported here, because most users of this module's classes never read a file
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    with open(path, encoding="utf-8") as file:
-        try:
-            return yaml.load(file, Loader=loader)
-        except UnicodeDecodeError:
-            raise
-        except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or a number that is none
-            raise InvalidCommand("is no YAML: " + _one_line(error).replace(path, "the file")) from error
+    with open(MODELS_FILE, encoding="utf-8") as file:  # a file of this project, which the loader in C reads faster
+        data: Dict[str, Any] = yaml.load(file, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return data
 
 
 def _one_line(error: Exception) -> str:
@@ -228,7 +220,9 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
     for key in _REQUIRED_KEYS:
         if key not in entry:
             raise InvalidCommand("key %s is missing" % key)
-    for key in map(str, entry):
+    for key in entry:
+        if not isinstance(key, str):
+            raise InvalidCommand("has the key %s; a key must be a text" % short(key))
         if key not in known:
             raise InvalidCommand("unknown key %s; nearest known is %s"
                                  % (key, difflib.get_close_matches(key, known, cutoff=0.0)[0]))
@@ -240,10 +234,10 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
     if not _TOTAL_LENGTH[0] <= total <= _TOTAL_LENGTH[1]:
         raise InvalidCommand("dh_standard: all a and d together are %.4g mm; lengths must be in mm"
                              % units.m_to_mm(total))
-    confidence = str(entry.get("dh_confidence", ""))
+    confidence = _text(entry, "dh_confidence", "")
     sources = entry.get("sources", [confidence_words[confidence]] if confidence in confidence_words else [])
     if not isinstance(sources, list) or not all(isinstance(source, str) for source in sources):
-        raise InvalidCommand("sources is %r; it must be a list of texts" % (sources,))
+        raise InvalidCommand("sources is %s; it must be a list of texts" % short(sources))
     optional: Dict[str, Any] = {}
     if "joint_max_acceleration_deg_s2" in entry:
         optional["joint_max_acceleration"] = _rates(entry, "joint_max_acceleration_deg_s2")
@@ -252,15 +246,22 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
     if entry.get("tcp_max_speed_m_s") is not None:
         optional["tcp_max_speed"] = _positive("tcp_max_speed_m_s", entry["tcp_max_speed_m_s"])
     return ArmModel(
-        name=name, family=str(entry["family"]), dh=dh, joint_limits=limits,
+        name=name, family=_text(entry, "family", ""), dh=dh, joint_limits=limits,
         joint_max_speed=_rates(entry, "joint_max_speed_deg_s"), dh_confidence=confidence,
-        note=str(entry.get("note") or ""), sources=tuple(sources), **optional)
+        note=_text(entry, "note", "") if entry.get("note") else "", sources=tuple(sources), **optional)
+
+
+def _text(entry: Mapping[str, Any], key: str, default: str) -> str:
+    value = entry.get(key, default)
+    if isinstance(value, (int, float)):
+        _number(key, value)
+    return str(value)
 
 
 def _number(what: str, value: Any) -> float:
     number = float(value) if isinstance(value, float) or type(value) is int and abs(value) < 1e300 else math.nan
     if not math.isfinite(number):
-        raise InvalidCommand("%s is %r; it must be a finite number" % (what, value))
+        raise InvalidCommand("%s is %s; it must be a finite number" % (what, short(value)))
     return number
 
 
@@ -275,7 +276,7 @@ def _list(entry: Mapping[str, Any], key: str, length: int) -> List[Any]:
     value = entry[key]
     if not isinstance(value, list) or len(value) != length:
         raise InvalidCommand("%s must be a list of %d, not %s" % (
-            key, length, "%d" % len(value) if isinstance(value, list) else repr(value)))
+            key, length, "%d" % len(value) if isinstance(value, list) else short(value)))
     return value
 
 
@@ -286,13 +287,13 @@ def _rates(entry: Mapping[str, Any], key: str) -> Vector:
 
 def _dh_row(what: str, row: Any) -> DhRow:
     if not isinstance(row, dict):
-        raise InvalidCommand("%s is %r; it must be a mapping with a, d, alpha, theta_offset" % (what, row))
+        raise InvalidCommand("%s is %s; it must be a mapping with a, d, alpha, theta_offset" % (what, short(row)))
     for key in ("a", "d", "alpha"):
         if key not in row:
             raise InvalidCommand("%s lacks %s" % (what, key))
-    unknown = sorted(set(map(str, row)) - {"a", "d", "alpha", "theta_offset"})
-    if unknown:
-        raise InvalidCommand("%s has the unknown key %s" % (what, unknown[0]))
+    for key in row:
+        if key not in ("a", "d", "alpha", "theta_offset"):
+            raise InvalidCommand("%s has the unknown key %s" % (what, key if isinstance(key, str) else short(key)))
     return DhRow(
         a=units.mm_to_m(_number(what + ": a", row["a"])), d=units.mm_to_m(_number(what + ": d", row["d"])),
         alpha=_number(what + ": alpha", row["alpha"]),
@@ -301,7 +302,7 @@ def _dh_row(what: str, row: Any) -> DhRow:
 
 def _limit_pair(what: str, pair: Any) -> Tuple[float, float]:
     if not isinstance(pair, list) or len(pair) != 2:
-        raise InvalidCommand("%s is %r; it must be [low, high]" % (what, pair))
+        raise InvalidCommand("%s is %s; it must be [low, high]" % (what, short(pair)))
     low, high = _number(what, pair[0]), _number(what, pair[1])
     if low >= high:
         raise InvalidCommand("%s is %r; low must be below high" % (what, pair))

@@ -10,6 +10,7 @@ from jaka_ros_driver.simulation.controller.io_banks import BANK_NAMES
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Payload, StoredFrames
 from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.state import Vector
+from jaka_ros_driver.yaml_text import load_yaml, short
 
 _KEYS = ("joints", "tool", "user_frame", "payload", "collision_level", "speed_override", "terminals", "programs")
 _SIDES = {"digital_inputs": ("digital", False), "digital_outputs": ("digital", True),
@@ -53,11 +54,10 @@ class Beginning:
         Raises:
             InvalidCommand: It cannot be read, a key is unknown, or a value is not one of its kind.
         """
-        import yaml  # imported here, because most users of this module's classes never read a file
         try:
             with open(path, encoding="utf-8") as file:
-                values = yaml.safe_load(file)
-        except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+                values = load_yaml(file.read())
+        except (OSError, UnicodeDecodeError, InvalidCommand) as error:
             raise InvalidCommand("beginning file %s: %s" % (path, error)) from error
         try:
             return cls(values)
@@ -100,25 +100,25 @@ def _known(values: Any, names: Sequence[str], what: str) -> Mapping[Any, Any]:
         raise InvalidCommand("%s must hold keys and values" % what)
     for name in values:
         if name not in names:
-            raise InvalidCommand("%s: %r is not known; these are: %s" % (what, name, ", ".join(names)))
+            raise InvalidCommand("%s: %s is not known; these are: %s" % (what, short(name), ", ".join(names)))
     return values
 
 
 def _number(value: Any, low: float, high: float, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise InvalidCommand("%s is %r; it must be %g to %g" % (what, value, low, high))
+        raise InvalidCommand("%s is %s; it must be %g to %g" % (what, short(value), low, high))
     return float(value)
 
 
 def _numbers(values: Any, count: int, what: str) -> Vector:
     if not isinstance(values, (list, tuple)) or len(values) != count:
-        raise InvalidCommand("%s is %r; it must be %d numbers" % (what, values, count))
+        raise InvalidCommand("%s is %s; it must be %d numbers" % (what, short(values), count))
     return tuple(_number(value, -1e4, 1e4, what) for value in values)
 
 
 def _names(values: Any, what: str) -> Tuple[str, ...]:
     if not isinstance(values, (list, tuple)) or not all(isinstance(value, str) and value for value in values):
-        raise InvalidCommand("%s is %r; it must be a list of names" % (what, values))
+        raise InvalidCommand("%s is %s; it must be a list of names" % (what, short(values)))
     return tuple(values)
 
 
@@ -129,7 +129,7 @@ def _frame(value: Any, what: str) -> Tuple[int, Pose]:
     if number == 0 and any(abs(part) > 1e-9 for part in offset):
         raise InvalidCommand("%s: id 0 is fixed, and has no offset" % what)
     if max([abs(angle) for angle in offset[3:]]) > 2.0 * math.pi:
-        raise InvalidCommand("%s.offset is %r; its angles are rad" % (what, value))
+        raise InvalidCommand("%s.offset is %s; its angles are rad" % (what, short(value)))
     return number, Pose(offset[:3], offset[3:])
 
 
@@ -146,7 +146,7 @@ def _terminals(value: Any) -> Dict[Tuple[str, str, int], float]:
             if not isinstance(levels, Mapping):
                 raise InvalidCommand("terminals.%s.%s must hold values by index" % (bank, side))
             for index, level in levels.items():
-                place = "terminals.%s.%s.%s" % (bank, side, index)
+                place = "terminals.%s.%s.%s" % (bank, side, index if isinstance(index, str) else short(index))
                 try:
                     number = int(index)
                 except (TypeError, ValueError, OverflowError):

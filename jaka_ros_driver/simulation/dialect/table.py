@@ -10,6 +10,7 @@ from typing import Any, Dict, Mapping, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.simulation.dialect.dimension import Choice, Dice, Dimension, Range, Subset, firmware_name
+from jaka_ros_driver.yaml_text import load_yaml, short
 
 _DIMENSION = "dimension"
 EARLY, HELD = "early", "held"
@@ -198,11 +199,10 @@ class Dialect:
         Raises:
             InvalidCommand: The file cannot be read, a name is unknown, or a value is none of its dimension.
         """
-        import yaml  # imported here, because most users of this module's classes never read a file
         try:
             with open(path, encoding="utf-8") as file:
-                values = yaml.safe_load(file)
-        except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+                values = load_yaml(file.read())
+        except (OSError, UnicodeDecodeError, InvalidCommand) as error:
             raise InvalidCommand("dialect file %s: %s" % (path, error)) from error
         if not isinstance(values, dict):
             raise InvalidCommand("dialect file %s: it must hold names and values" % path)
@@ -221,12 +221,13 @@ class Dialect:
         for name, value in values.items():
             dimension = DIMENSIONS.get(name)
             if dimension is None:
-                raise InvalidCommand("%r is no dimension; these are: %s" % (name, ", ".join(DIMENSIONS)))
+                raise InvalidCommand("%s is no dimension; these are: %s" % (short(name), ", ".join(DIMENSIONS)))
             try:
                 changes[name] = dimension.checked(value)
             except ValueError:
-                raise InvalidCommand("%s is %r; it must be %s%s" % (
-                    name, value, "one of " if isinstance(dimension, Choice) else "", dimension.described())) from None
+                raise InvalidCommand("%s is %s; it must be %s%s" % (
+                    name, short(value), "one of " if isinstance(dimension, Choice) else "",
+                    dimension.described())) from None
         return dataclasses.replace(self, **changes)
 
     def as_dict(self) -> Dict[str, Any]:

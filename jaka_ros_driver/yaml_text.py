@@ -1,0 +1,56 @@
+"""YAML as people write it into files: a key that is given twice is an error, and values are shown short.
+
+Of two equal keys a plain loader keeps the last: a second list of zones would take away the first in silence.
+"""
+import reprlib
+from typing import Any
+
+from jaka_ros_driver.errors import InvalidCommand
+
+_MERGED = ("tag:yaml.org,2002:merge", "tag:yaml.org,2002:value")
+"""Kinds of keys, ``<<`` and ``=``, of which no value is made."""
+
+
+def load_yaml(text: str) -> Any:
+    """Return what a text of YAML holds.
+
+    Raises:
+        InvalidCommand: It is no YAML, or gives a key twice; the message fits behind the name of the file.
+    """
+    import yaml  # imported here, because most users of this module's callers never read a file
+
+    class UniqueKeys(yaml.SafeLoader):  # not the loader in C: deep brackets overflow its stack
+        """The loader, which looks at each mapping before keys are merged into it: those may be given again."""
+
+        def __init__(self, stream: str) -> None:
+            super().__init__(stream)
+            self._seen_nodes = set()  # type: ignore[var-annotated]
+
+        def flatten_mapping(self, node: yaml.MappingNode) -> None:
+            """Merge into a mapping, as ``<<`` asks; the second time a mapping is asked for, it has merged keys."""
+            if id(node) not in self._seen_nodes:
+                self._seen_nodes.add(id(node))
+                seen = set()
+                for key_node, _ in node.value:
+                    if not isinstance(key_node, yaml.ScalarNode):
+                        continue  # what cannot be a key is told of by the loader itself
+                    is_plain = key_node.tag not in _MERGED
+                    key = self.construct_object(key_node, deep=True) if is_plain else key_node.value
+                    if key in seen:
+                        raise InvalidCommand("gives the key %s twice, again in line %d" % (
+                            short(key), key_node.start_mark.line + 1))
+                    seen.add(key)
+            super().flatten_mapping(node)
+
+    try:
+        return yaml.load(text, Loader=UniqueKeys)
+    except (yaml.YAMLError, RecursionError, ValueError, TypeError) as error:  # a date or a number that is none
+        raise InvalidCommand("is no YAML: " + " ".join(str(error).split())) from error
+
+
+def short(value: Any) -> str:
+    """Return a value as error texts show it: short, whatever a file's aliases make of it."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python prints no integer of more than 4,300 digits
+        return "a number of thousands of digits"
