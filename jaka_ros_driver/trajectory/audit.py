@@ -11,7 +11,7 @@ from jaka_ros_driver.kinematics.limits import (
     stream_limits,
     top_joint_speeds,
 )
-from jaka_ros_driver.trajectory.path import TERMS, Array, Path
+from jaka_ros_driver.trajectory.path import TERMS, Array, Path, sampled
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT, Overshoots, Rates
 
@@ -45,6 +45,8 @@ def audit(path: Path, model: ArmModel, slows: bool = False) -> None:
         pieces = np.repeat(np.arange(first, until), counts[first:until])
         share = np.concatenate([np.arange(n) / n for n in counts[first:until]])
         _audit_at(path, model, ranges, path.breaks[pieces] + share * np.diff(path.breaks)[pieces], found)
+        is_long = np.diff(path.breaks)[pieces] > _PIECE_SAMPLES[1] * _SAMPLE_PERIOD_S
+        _audit_between(path, ranges, pieces[is_long], share[is_long])
         first = until
     _audit_at(path, model, ranges, np.array([path.end]), found)
     if path.approach is not None:
@@ -76,10 +78,7 @@ def audit_changes(times: Array, changes: Array, found: Optional[Overshoots] = No
 def _audit_at(path: Path, model: ArmModel, ranges: JointRanges, times: Array, found: Optional[Overshoots]) -> None:
     times = times[times >= path.begin]  # what lies before is not followed, and an approach means nothing there
     positions, velocities, accelerations = path.samples(times)
-    low, high = np.array(ranges).T
-    beyond = np.maximum(low - positions, positions - high) / _POSITION_SLACK
-    _judge(times, beyond, 1.0, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
-        joint + 1, positions[where, joint], low[joint], high[joint]), None)
+    _judge_positions(times, positions, ranges)
     top = np.array(top_joint_speeds(model))
     _judge(times, np.abs(velocities) / top, SPEED_SLACK, lambda where, joint: (
         "joint %d would run at %.4f rad/s %%s; valid: at most %.4f rad/s" % (
@@ -87,6 +86,48 @@ def _audit_at(path: Path, model: ArmModel, ranges: JointRanges, times: Array, fo
     _judge(times, np.abs(accelerations) / JOINT_ACCELERATION_CEILING, ACCELERATION_SLACK, lambda where, joint: (
         "joint %d would need %.4f rad/s2 %%s; valid: at most %.4f rad/s2" % (
             joint + 1, accelerations[where, joint], JOINT_ACCELERATION_CEILING)), found, 0.5)
+
+
+def _audit_between(path: Path, ranges: JointRanges, pieces: Array, shares: Array) -> None:
+    """Refuse a joint that passes its limits between two samples of a long piece.
+
+    Between two places a joint lies beyond both by at most h^2/8 times its highest acceleration there; that, in turn,
+    is at most h^2/8 times the highest fourth derivative above those of both places. Where a limit is nearer than that,
+    a place in the middle is looked at, until it is not.
+
+    Args:
+        path: The path; what lies before the end of an approach has samples of its own.
+        ranges: Lowest and highest position of each joint, rad.
+        pieces: The polynomial of each sample, (m,).
+        shares: The places of the samples on it, 0 to 1, (m,).
+    """
+    low, high = np.array(ranges).T
+    durations = np.diff(path.breaks)
+    since = path.begin if path.approach is None else path.approach.until
+    ends = (shares + 1.0 / _PIECE_SAMPLES[1]) * durations[pieces]
+    begins = np.maximum(shares * durations[pieces], since - path.breaks[pieces])
+    is_followed = begins < ends
+    pieces, begins, ends = pieces[is_followed], begins[is_followed], ends[is_followed]
+    while len(pieces):
+        coefficients = path.coefficients[pieces]
+        fourth = 24.0 * np.maximum(np.abs(coefficients[:, 4]), np.abs(
+            coefficients[:, 4] + 5.0 * coefficients[:, 5] * durations[pieces][:, None]))
+        (first, _, at_first), (last, _, at_last) = sampled(begins, coefficients), sampled(ends, coefficients)
+        room = np.minimum(np.minimum(first, last) - low, high - np.maximum(first, last))
+        factor = (ends - begins)[:, None] ** 2 / 8.0
+        beyond = factor * (np.maximum(np.abs(at_first), np.abs(at_last)) + factor * fourth)
+        is_near = (beyond > np.maximum(room, 0.0) + _POSITION_SLACK).any(axis=1)
+        pieces, begins, ends = pieces[is_near], begins[is_near], ends[is_near]
+        middles = 0.5 * (begins + ends)
+        _judge_positions(path.breaks[pieces] + middles, sampled(middles, path.coefficients[pieces])[0], ranges)
+        pieces, begins, ends = np.tile(pieces, 2), np.append(begins, middles), np.append(middles, ends)
+
+
+def _judge_positions(times: Array, positions: Array, ranges: JointRanges) -> None:
+    low, high = np.array(ranges).T
+    beyond = np.maximum(low - positions, positions - high) / _POSITION_SLACK
+    _judge(times, beyond, 1.0, lambda where, joint: "joint %d would be at %.6f rad %%s; valid: %.6f to %.6f rad" % (
+        joint + 1, positions[where, joint], low[joint], high[joint]), None)
 
 
 def _audit_changes(path: Path, found: Optional[Overshoots]) -> None:

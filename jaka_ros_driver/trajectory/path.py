@@ -86,11 +86,11 @@ class Path:
     def samples(self, times: Array) -> Tuple[Array, Array, Array]:
         """Return positions, velocities and accelerations at many times within the path, s (m,): three arrays (m, 6)."""
         index = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, len(self.coefficients) - 1)
-        values = _sampled(times - self.breaks[index], self.coefficients[index])
+        values = sampled(times - self.breaks[index], self.coefficients[index])
         approach = self.approach
         if approach is not None:
             near = times < approach.until
-            added = _sampled(times[near] - approach.since, np.broadcast_to(
+            added = sampled(times[near] - approach.since, np.broadcast_to(
                 approach.coefficients, (int(near.sum()), TERMS, JOINT_COUNT)))
             for value, more in zip(values, added):
                 value[near] += more
@@ -136,7 +136,13 @@ def cubic(duration: Array, start: Tuple[Array, Array], end: Tuple[Array, Array])
     return np.stack((p, v, (3.0 * way - faster) / t ** 2, (faster - 2.0 * way) / t ** 3, nothing, nothing), axis=1)
 
 
-def _sampled(u: Array, coefficients: Array) -> Tuple[Array, Array, Array]:
+def sampled(u: Array, coefficients: Array) -> Tuple[Array, Array, Array]:
+    """Return positions, velocities and accelerations of polynomials, (m, 6) each.
+
+    Args:
+        u: The time from the begin of each, s (m,).
+        coefficients: Of each, (m, 6 terms, 6 joints).
+    """
     u = u[:, None]
     c = [coefficients[:, term, :] for term in range(TERMS)]
     return (((((c[5] * u + c[4]) * u + c[3]) * u + c[2]) * u + c[1]) * u + c[0],

@@ -6,7 +6,8 @@ from plans import HOME, MODEL, REST, START_TOLERANCE, at, build, joints, moving,
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.limits import stream_limits
 from jaka_ros_driver.trajectory.audit import _judge
-from jaka_ros_driver.trajectory.build import MAX_DELAY_S, BuildOptions, build_path
+from jaka_ros_driver.trajectory.build import MAX_DELAY_S, BuildOptions, PathStart, build_path
+from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryOfThePast, TrajectoryPoint
 from jaka_ros_driver.trajectory.rates import Overshoots
 
@@ -74,6 +75,55 @@ def test_what_the_arm_cannot_follow_is_refused(start, points, words):
     with pytest.raises(InvalidTrajectory, match=words) as refusal:
         build(points, start)
     assert type(refusal.value) is InvalidTrajectory
+
+
+def between_samples(duration, side):
+    """Return points whose one long piece leaves the range of joint 3 by 0.0166 rad between its last samples."""
+    power = np.polynomial.Polynomial
+    x = power([0.0, 1.0])
+    shape = (1.0 - x) * (63 / 64 - x) * (x + 0.1) * (x - 0.28) ** 2
+    low, high = stream_limits(MODEL)[2]
+    way = high - 1e-7 - 0.98 * (high - low) / shape(np.linspace(0.0, 1.0, 4001)).max() * shape
+
+    def point(time, share, turned=0.0, is_still=False):
+        values = [way.deriv(n)(share) / duration ** n if n else way(share) + turned for n in range(3)]
+        position, velocity, acceleration = (side * value * np.eye(6)[2] for value in values)
+        position += np.array(HOME) * (1.0, 1.0, 0.0, 1.0, 1.0, 1.0)
+        return TrajectoryPoint(time, tuple(position), REST if is_still else tuple(velocity),
+                               REST if is_still else tuple(acceleration))
+    speed = way.deriv()(0.0) / duration
+    return [point(0.0, 0.0, -0.5 * speed, True), point(1.0, 0.0), point(1.0 + duration, 1.0),
+            point(5.0 + duration, 1.0, -1.5, True)]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("duration", [10.0, 20.0])
+def test_a_long_piece_stays_in_the_range_between_its_samples_too(duration, side):
+    points = between_samples(duration, side)
+    with pytest.raises(InvalidTrajectory, match=r"joint 3 would be at -?3\.0(6|7)\d+ rad after (10|20)\.\d+ s"):
+        build(points, PathStart(JointState(points[0].position, REST, REST), True))
+
+
+@pytest.mark.parametrize("room, is_taken", [(2e-5, True), (-2e-5, False)])
+def test_a_long_piece_may_come_as_near_to_a_limit_as_it_likes(room, is_taken):
+    """The top of a parabola lies between two samples, whose bound passes the limit."""
+    high = stream_limits(MODEL)[2][1]
+    share, duration = 0.5 + 1 / 128, 8.0
+    top, rise = high - room, 0.6  # position and speed of a parabola about the top, at both ends
+    bend = rise / share ** 2
+    position = [(top - bend * (x - share) ** 2, -2.0 * bend * (x - share) / duration) for x in (0.0, 1.0)]
+
+    def point(time, value, speed):
+        return TrajectoryPoint(time, HOME[:2] + (value,) + HOME[3:], six(0.0, 0.0, speed))
+    points = [point(0.0, position[0][0] - 2.0 * position[0][1], 0.0), point(4.0, *position[0]),
+              point(12.0, *position[1]), point(16.0, position[1][0] + 2.0 * position[1][1], 0.0)]
+    start = PathStart(JointState(points[0].position, REST, REST), True)
+    if is_taken:
+        path = build(points, start)
+        assert path.samples(np.linspace(4.0, 12.0, 10001))[0][:, 2].max() == pytest.approx(top, abs=1e-6)
+    else:
+        with pytest.raises(InvalidTrajectory, match=r"joint 3 would be at 3\.0533\d+ rad after 8\.0\d+ s"):
+            build(points, start)
 
 
 @pytest.mark.parametrize("elapsed, words", [
