@@ -123,6 +123,6 @@ def test_the_end_of_the_way_onto_a_path_is_a_place_where_the_motion_guard_looks(
     breaks, coefficients = spline(wave(0.05))
     still = (np.zeros((1, 6)),) * 3
     approach = Approach(0.3, until, quintic(np.array([until - 0.3]), still, still)[0])
-    times = _times_of(Path(breaks, coefficients, 0.3, approach))
+    times = _times_of(Path(breaks, coefficients, 0.3, approach), (1.0,) * 6)
     assert (until in times.tolist()) is is_marked and (np.diff(times) > 0.0).all()
     assert times[0] == 0.3 and times[-1] == Path(breaks, coefficients, 0.3, approach).end

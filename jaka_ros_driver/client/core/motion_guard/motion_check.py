@@ -3,7 +3,7 @@
 It is no safety function: it knows slim capsules and the zones of a file, and nothing of people.
 """
 import logging
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Callable, List, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMo
 from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
 from jaka_ros_driver.kinematics.rotations import (
     IDENTITY,
     Transform,
@@ -29,14 +30,19 @@ from jaka_ros_driver.kinematics.rotations import (
     transform,
 )
 from jaka_ros_driver.state import RobotState, Vector
-from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.path import Array, Path, sampled
+from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT
 
 STOP, WARN, OFF = "stop", "warn", "off"
 """The values of ``~guard_motion``: refuse and brake, only log, do not look."""
 _SAMPLE_PERIOD_S = 0.04
-"""Longest time, s, between two places of a trajectory that are joined by a straight line in joint space: at the highest
-acceleration a joint is at most 3 mrad beside it.
+"""Longest time, s, between two places of a trajectory that are joined by a straight line in joint space."""
+_BESIDE = 0.0025
+"""Most, m, by which a distance may be less on the trajectory than on these lines: where the joints accelerate, the
+places are so near in time that it is not more, for the longest lever of each joint.
 """
+_HIGHEST_ACCELERATION = LARGEST_OVERSHOOT * JOINT_ACCELERATION_CEILING
+"""Highest acceleration, rad/s2, that the audit lets pass: a path that asks for more than a joint has is run slower."""
 _STEP_S = 0.01
 """Time, s, over which the joints' speeds at the begin of a jog of the tool are measured."""
 _SAMPLES_AT_ONCE = 4096
@@ -200,7 +206,7 @@ class MotionCheck:
         self._actions.log(logging.WARNING, "sent, as ~guard_motion is %s: %s" % (self._mode, trouble))
 
     def _trajectory_trouble(self, path: Path) -> Looks[str]:
-        times = _times_of(path)
+        times = _times_of(path, self._guard.reach)
         pieces = (path.samples(times[at:at + _SAMPLES_AT_ONCE + 1])[0]
                   for at in range(0, max(1, len(times) - 1), _SAMPLES_AT_ONCE))
         trouble = yield from self._guard.looks(pieces)
@@ -297,12 +303,32 @@ def _place_text(share: float, length: float, reason: str) -> str:
     return "after %.0f mm of %.0f mm %s" % (1e3 * share * length, 1e3 * length, reason)
 
 
-def _times_of(path: Path) -> "np.ndarray[Tuple[int], np.dtype[np.float64]]":
-    """Return the times of a path at whose places the straight lines between them are near enough to it, s."""
+def _times_of(path: Path, reach: Vector) -> Array:
+    """Return the times of a path at whose places the straight lines between them are near enough to it, s.
+
+    reach: The most, m, by which 1 rad of each joint changes a distance, shape (6,).
+    """
     begin = max(path.begin, float(path.breaks[0]))  # before its polynomials the arm rests where they begin
     marks = [begin, *[at for at in path.breaks.tolist() if begin < at < path.end], path.end]
     if path.approach is not None and begin < path.approach.until < path.end:
         marks = sorted({*marks, path.approach.until})
-    counts = [max(1, int(np.ceil((b - a) / _SAMPLE_PERIOD_S))) for a, b in zip(marks, marks[1:])]
+    periods = _periods(path, np.array(marks[:-1]), reach)
+    counts = np.maximum(1, np.ceil(np.diff(marks) / periods).astype(int)).tolist()
     pieces = [np.linspace(a, b, count, endpoint=False) for a, b, count in zip(marks, marks[1:], counts)]
     return np.concatenate([*pieces, [path.end]])
+
+
+def _periods(path: Path, begins: Array, reach: Vector) -> Array:
+    """Return the longest times, s (m,), between two places of the parts of a path that begin at these times, s (m,).
+
+    An acceleration is at most h^2/8 times its highest second derivative above that of both ends of its piece.
+    """
+    index = np.clip(np.searchsorted(path.breaks, begins, side="right") - 1, 0, len(path.coefficients) - 1)
+    coefficients, durations = path.coefficients[index], np.diff(path.breaks)[index]
+    first, last = (np.abs(sampled(at, coefficients)[2]) for at in (0.0 * durations, durations))
+    c4, c5 = coefficients[:, 4], coefficients[:, 5]
+    fourth = 24.0 * np.maximum(np.abs(c4), np.abs(c4 + 5.0 * c5 * durations[:, None]))
+    highest = np.minimum(np.maximum(first, last) + durations[:, None] ** 2 / 8.0 * fourth, _HIGHEST_ACCELERATION)
+    if path.approach is not None:
+        highest[begins < path.approach.until] = _HIGHEST_ACCELERATION
+    return np.minimum(_SAMPLE_PERIOD_S, np.sqrt(8.0 * _BESIDE / np.maximum(highest @ np.array(reach), 1e-9)))
