@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel, DhRow
-from jaka_ros_driver.kinematics.limits import stream_limits
+from jaka_ros_driver.kinematics.limits import stream_limits, top_joint_speeds
 from jaka_ros_driver.kinematics.rotations import rpy_from_matrix
 
 _EFFORT_UNKNOWN = 0.0
@@ -25,7 +25,8 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
                     collisions: Mapping[int, Sequence[str]] = MappingProxyType({})) -> str:
     """Return the URDF text of the arm: ``base_link``, ``link_1`` .. ``link_6``, ``tool0``; ``joint_1`` .. ``joint_6``.
 
-    Its joints have the range in which streams stay (``stream_limits``): what plans with it is not led elsewhere.
+    Its joints have the range in which streams stay (``stream_limits``), and their highest speeds
+    (``top_joint_speeds``): what plans with it is neither led elsewhere nor refused.
 
     Args:
         model: The arm.
@@ -47,7 +48,8 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
         lines += _link(prefix + link, _body(row, radius) + list(collisions.get(n, ())))
     lines += _link(prefix + tool_link, _cylinder(radius * 0.6, radius * 0.1, (0.0, 0.0, -radius * 0.05), "joint"))
     parent, shift = base_link, DhRow(0.0, 0.0, 0.0)
-    for n, (joint, link, row, (low, high)) in enumerate(zip(JOINTS, links, model.dh, stream_limits(model))):
+    for joint, link, row, (low, high), speed in zip(
+            JOINTS, links, model.dh, stream_limits(model), top_joint_speeds(model)):
         lines += [
             "  <joint name=%s type=\"revolute\">" % quoteattr(prefix + joint),
             "    <parent link=%s/>" % quoteattr(prefix + parent),
@@ -55,7 +57,7 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
             "    " + _origin(shift, row.theta_offset),
             '    <axis xyz="0 0 1"/>',
             '    <limit lower="%r" upper="%r" effort="%r" velocity="%r"/>'
-            % (low, high, _EFFORT_UNKNOWN, model.joint_max_speed[n]),
+            % (low, high, _EFFORT_UNKNOWN, speed),
             "  </joint>"]
         parent, shift = link, row
     lines += ["  <joint name=%s type=\"fixed\">" % quoteattr(prefix + tool_link + "_joint"),

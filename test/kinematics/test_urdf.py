@@ -8,7 +8,7 @@ import pytest
 
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
-from jaka_ros_driver.kinematics.limits import stream_limits
+from jaka_ros_driver.kinematics.limits import stream_limits, top_joint_speeds
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
 
 LINKS = ["base_link", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6", "tool0"]
@@ -81,16 +81,16 @@ def test_a_calibrated_arms_flange_too():
     assert dh_oracle.error(frames["tool0"], dh_oracle.flange(model, joints)) < 1e-12
 
 
-def test_joints_carry_the_range_of_streams_and_the_models_speeds():
+def test_joints_carry_the_range_and_the_speeds_of_streams():
     for name in model_names():
         model = load_model(name)
         robot = ElementTree.fromstring(urdf_from_model(model))
         joints = [joint for joint in robot.iter("joint") if joint.get("type") == "revolute"]
         assert tuple(joint.get("name") for joint in joints) == JOINTS
-        for joint, (low, high), speed in zip(joints, stream_limits(model), model.joint_max_speed):
+        for joint, (low, high), speed in zip(joints, stream_limits(model), top_joint_speeds(model)):
             limit = joint.find("limit")
             assert (float(limit.get("lower")), float(limit.get("upper"))) == (low, high)
-            assert float(limit.get("velocity")) == speed
+            assert float(limit.get("velocity")) == speed <= math.pi
 
 
 def test_a_prefix_stands_before_every_link_and_joint():
