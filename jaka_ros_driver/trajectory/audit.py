@@ -176,8 +176,12 @@ def _share_at(path: Path, model: ArmModel, rates: Rates) -> float:
 
     What the audit lets a path need beside its slowed parts is let pass on their ramps, too.
     """
-    times = rates.times()
-    times = times[(times >= max(path.begin, float(path.breaks[0]))) & (times <= path.end)]
+    return max([_share_of(path, model, rates, times[(times >= max(path.begin, float(path.breaks[0])))
+                                                    & (times <= path.end)]) for times in rates.times()], default=0.0)
+
+
+def _share_of(path: Path, model: ArmModel, rates: Rates, times: Array) -> float:
+    """Return what ``_share_at`` does, of some of the times of the rates, s (m,)."""
     _, velocities, accelerations = path.samples(times)
     rate, slope = (values[:, None] for values in rates.samples(times))
     speeds = np.abs(velocities) / np.array(top_joint_speeds(model))

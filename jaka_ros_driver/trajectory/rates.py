@@ -5,7 +5,7 @@ ramp before and behind it; the ramps are made longer until they ask for nothing 
 """
 import math
 from bisect import bisect_right
-from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ _ROOM = 0.99
 """Share of a limit that a slowed stretch uses: the clock needs the rest to keep to its ramps."""
 _RAMPS_S = (0.05, 0.1, 0.2, 0.4, 0.8)
 _STEP_S = 0.002
+_SAMPLES_AT_ONCE = 20_000
 _SLOPE_S = 1e-6
 _TRIES = 3
 """Attempts with one ramp: what was found may be a little larger between its samples."""
@@ -43,6 +44,7 @@ class Rates:
     def __init__(self, stretches: Sequence[SlowPart], ramp: float, text: str) -> None:
         self.stretches, self.ramp, self.text = list(stretches), ramp, text
         self._begins = [stretch.since - ramp for stretch in stretches]
+        self._parts = np.array(self.stretches, dtype=float).reshape(-1, 3)
 
     def at(self, time: float) -> float:
         """Return the highest rate at this time of the path, s; infinite where it is not slowed."""
@@ -55,18 +57,35 @@ class Rates:
 
     def delay(self) -> float:
         """Return by how much longer the path takes than without, s."""
-        rates, _ = self.samples(self.times())
-        return _STEP_S * float((1.0 / rates - 1.0).sum())
+        return _STEP_S * sum([float((1.0 / self.samples(times)[0] - 1.0).sum()) for times in self.times()])
 
-    def times(self) -> Array:
-        """Return the times at which the slowed parts, their ramps included, are looked at, s (m,)."""
-        return np.concatenate([np.arange(since - self.ramp, until + self.ramp, _STEP_S)
-                               for since, until, _ in self.stretches])
+    def times(self) -> Iterator[Array]:
+        """Yield the times at which the slowed parts, their ramps included, are looked at, s (m,): some at once."""
+        held: List[Array] = []
+        count = 0
+        for since, until, _ in self.stretches:
+            begin = since - self.ramp
+            steps = math.ceil((until + self.ramp - begin) / _STEP_S)
+            for first in range(0, steps, _SAMPLES_AT_ONCE):
+                held.append(begin + _STEP_S * np.arange(first, min(first + _SAMPLES_AT_ONCE, steps)))
+                count += len(held[-1])
+                if count >= _SAMPLES_AT_ONCE:
+                    yield np.concatenate(held)
+                    held, count = [], 0
+        if held:
+            yield np.concatenate(held)
 
     def samples(self, times: Array) -> Tuple[Array, Array]:
         """Return the rates at many times, s (m,), and their derivatives over the path's time, 1/s: (m,) each."""
-        here, next_to = ([min(1.0, self.at(time + ahead)) for time in times.tolist()] for ahead in (0.0, _SLOPE_S))
-        return np.array(here), (np.array(next_to) - np.array(here)) / _SLOPE_S
+        here, next_to = self._lowered(times), self._lowered(times + _SLOPE_S)
+        return here, (next_to - here) / _SLOPE_S
+
+    def _lowered(self, times: Array) -> Array:
+        """Return the rates as ``at`` does, 1 where the path is not slowed, (m,)."""
+        index = np.searchsorted(self._parts[:, 0] - self.ramp, times, side="right") - 1
+        since, until, rate = self._parts[np.maximum(index, 0)].T
+        beside = np.minimum(np.maximum(np.maximum(since - times, times - until), 0.0) / self.ramp, 1.0)
+        return rate + (1.0 - rate) * beside * beside * (3.0 - 2.0 * beside)
 
 
 class Overshoots:
@@ -82,7 +101,8 @@ class Overshoots:
     def add(self, since: Array, until: Array, rates: Array, text: str) -> None:
         """Add stretches: begins and ends, s, and the rates that keep the limit, (m,) each; ``text`` tells the worst."""
         rates = rates * _ROOM
-        self._stretches += [SlowPart(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
+        found = [SlowPart(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]
+        self._stretches += _merged(found, _RAMPS_S[0])  # as all ramps need it: a long plan has millions
         self._worst = min(self._worst, (float(rates.min()), text))
 
     def rates(self, begin: float, end: float, share: Callable[[Rates], float]) -> Optional[Rates]:

@@ -1,5 +1,6 @@
 """Paths that pass a limit a little: slowed there on the same way, and refused from a quarter on."""
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -167,3 +168,37 @@ def test_how_late_a_trajectory_is_counts_from_its_first_point():
     assert path.end - path.begin == pytest.approx(6.0, abs=0.01)
     with pytest.raises(TrajectoryOfThePast, match=r"3\.700 s ago"):
         build(points, elapsed=8.7, late=3.5)
+
+
+def test_many_rates_are_those_of_one_place_after_the_other():
+    rates = Rates([SlowPart(1.0, 2.0, 0.5), SlowPart(3.0, 3.1, 0.8)], 0.4, "")
+    times = np.concatenate(list(rates.times()))
+    times = np.append(times, [0.0, 0.6, 2.0, 2.4, 2.5, 3.5, 9.0])
+    here, slope = rates.samples(times)
+    assert here.tolist() == pytest.approx([min(1.0, rates.at(time)) for time in times.tolist()])
+    assert np.abs(slope).max() == pytest.approx(1.5 * 0.5 / 0.4, rel=1e-3)
+    assert len(times) in range(1350, 1360)
+
+
+def test_the_times_of_many_and_of_long_stretches_come_in_parts():
+    for parts in ([SlowPart(0.0, 200.0, 0.9)], [SlowPart(n, n + 0.3, 0.9) for n in range(400)]):
+        rates = Rates(parts, 0.05, "")
+        times = list(rates.times())
+        assert len(times) > 3 and max(map(len, times)) <= 40_000
+        joined = np.concatenate(times)
+        expected = np.concatenate([np.arange(since - 0.05, until + 0.05, 0.002) for since, until, _ in parts])
+        assert len(joined) == len(expected) and np.abs(joined - expected).max() < 1e-9
+        assert rates.delay() == pytest.approx((1.0 / 0.9 - 1.0) * sum(u - s for s, u, _ in parts), rel=0.25)
+
+
+def test_a_long_plan_is_slowed_in_memory_that_does_not_grow_with_it():
+    duration = 1.5 * 4.0 / (1.1 * TOP)
+    points = [at(n * duration, (2.0 if n % 2 else -2.0,), REST) for n in range(int(600.0 / duration))]
+    tracemalloc.start()
+    try:
+        path = build(points, resting(-2.0), slows=True)
+        assert path.rates.delay() > 10.0
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert path.rates.stretches and peak < 30e6, "it took 85 kB for each second"
