@@ -25,6 +25,7 @@ CLAMP_TOLERANCE = 1e-6
 """Distance, m, beyond the arm's reach up to which a target is answered with the stretched arm."""
 
 Angles = Tuple[float, float, float, float, float, float]
+_InPlane = Tuple[float, float]
 
 
 class Branches(NamedTuple):
@@ -47,7 +48,7 @@ def three_parallel(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float
     Args:
         dh: The table, with exactly the family's structure.
         base_t_flange: The target.
-        free_q6: DH angle 6 to use where sin q5 = 0, rad.
+        free_q6: DH angle 6 to use where sin q5 = 0, rad; the nearest one where the arm does not reach with it.
     """
     xx, yx, zx, xy, yy, zy, xz, yz, zz, px, py, pz = base_t_flange
     _, row2, row3, row4, row5, row6 = dh
@@ -68,7 +69,9 @@ def three_parallel(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float
         along = c1 * wx + s1 * wy
         if sin_q5 < WRIST_TOLERANCE:
             is_clamped = True
-            wrists = [(0.0 if cos_q5 > 0.0 else math.pi, free_q6)]
+            q6 = _reached_q6(free_q6, (c1 * xx + s1 * xy, xz), (c1 * yx + s1 * yy, yz), (along, height), d5,
+                             (abs(upper - fore), upper + fore))
+            wrists = [(0.0 if cos_q5 > 0.0 else math.pi, q6)]
         else:
             wrists = [(math.atan2(sin_q5, cos_q5), math.atan2(-v, u)), (math.atan2(-sin_q5, cos_q5), math.atan2(v, -u))]
         for q5, q6 in wrists:
@@ -141,6 +144,34 @@ def _shoulder_angles(x: float, y: float, offset: float) -> Tuple[List[float], bo
 def _too_near_the_axis(x: float, y: float, offset: float) -> str:
     return ("out of reach: the wrist point is %.6g m from the axis of joint 1 and cannot come nearer than %.6g m"
             % (math.hypot(x, y), abs(offset)))
+
+
+def _reached_q6(q6: float, x6: _InPlane, y6: _InPlane, wrist: _InPlane, d5: float, reach: _InPlane) -> float:
+    """Return the angle nearest to q6, rad, for which the two links reach, where axes 2 to 4 and 6 are parallel.
+
+    z4 turns with q6 in the plane of the arm, so that the tip of the links goes round the wrist on a circle of radius
+    d5: the square of its distance to the shoulder is a constant plus a cosine.
+
+    Args:
+        q6: DH angle 6, rad.
+        x6: Axis of the target in the plane of the arm.
+        y6: The other one.
+        wrist: The centre of the circle there, m.
+        d5: Its radius and side, m.
+        reach: Smallest and largest distance of the tip, m.
+    """
+    c6, s6 = math.cos(q6), math.sin(q6)
+    tip = (d5 * (s6 * x6[0] + c6 * y6[0]), d5 * (s6 * x6[1] + c6 * y6[1]))  # from the wrist: -d5 z4
+    turn = (d5 * (c6 * x6[0] - s6 * y6[0]), d5 * (c6 * x6[1] - s6 * y6[1]))  # its derivative by q6
+    distance = math.hypot(wrist[0] + tip[0], wrist[1] + tip[1])
+    allowed = min(max(distance, reach[0]), reach[1])
+    twice = 2.0 * abs(d5) * math.hypot(*wrist)
+    if abs(distance - allowed) <= CLAMP_TOLERANCE or twice < CLAMP_TOLERANCE ** 2:
+        return q6
+    cosine = (allowed ** 2 - wrist[0] ** 2 - wrist[1] ** 2 - d5 ** 2) / twice
+    here = math.atan2(wrist[0] * tip[1] - wrist[1] * tip[0], wrist[0] * tip[0] + wrist[1] * tip[1])
+    there = math.copysign(math.acos(min(max(cosine, -1.0), 1.0)), here)
+    return q6 + math.copysign(there - here, (there - here) * (tip[0] * turn[1] - tip[1] * turn[0]))
 
 
 def _two_link(x: float, y: float, upper: float, fore: float) -> Tuple[List[Tuple[float, float]], bool, str]:

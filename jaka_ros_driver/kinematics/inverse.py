@@ -34,7 +34,8 @@ _NEAR_SINGULAR = 0.02
 def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
     """Return every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked.
 
-    Where the pose leaves q6 free (sin q5 = 0), that of ``reference``, rad (6,), is used; 0 without one.
+    Where the pose leaves q6 free (sin q5 = 0), that of ``reference``, rad (6,), is used, 0 without one; in the main
+    family that nearest to it with which the arm reaches.
     """
     return _branches(model, base_t_flange, reference)[0]
 

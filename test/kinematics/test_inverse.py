@@ -9,7 +9,7 @@ from reference_values import reference_values
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
 from jaka_ros_driver.kinematics import inverse, numeric_inverse, rotations
-from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
+from jaka_ros_driver.kinematics.arm_models import THREE_PARALLEL, ArmModel, DhRow, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 from jaka_ros_driver.units import mm_to_m
 
@@ -48,6 +48,31 @@ def test_the_branch_next_to_the_reference_is_chosen(name):
         joints = dh_oracle.random_joints(model, rng)
         found = inverse.inverse(model, forward(model, joints), beside(joints, 0.01, rng))
         assert found == pytest.approx(joints, abs=1e-6)
+
+
+@pytest.mark.parametrize("band", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("name", [name for name in model_names() if load_model(name).family == THREE_PARALLEL])
+def test_a_pose_that_leaves_q6_free_is_reached_though_not_with_that_of_the_reference(name, band):
+    model, rng = load_model(name), random.Random(3)
+    for _ in range(150):
+        joints = [0.75 * rng.uniform(low, high) for low, high in model.joint_limits]
+        joints[4] = 0.0
+        reference = [min(max(angle + rng.uniform(-band, band), low), high)
+                     for angle, (low, high) in zip(joints, model.joint_limits)]
+        target = forward(model, joints)
+        found = inverse.inverse(model, target, reference)
+        assert error(model, found, target) < inverse.POSITION_TOLERANCE
+        near = min(max(abs(rotations.wrap_angle(a - b)) for a, b in zip(branch, reference))
+                   for branch in inverse.inverse_all(model, target, reference))
+        assert near < 1.0 + 2.0 * band, "a branch that is near"
+        assert all(low <= angle <= high for angle, (low, high) in zip(found, model.joint_limits))
+
+
+def test_a_q6_with_which_the_arm_reaches_is_kept_where_q6_is_free():
+    joints = (0.2, 1.2, -1.3, 0.8, 0.0, 0.4)
+    for q6 in (0.3, 0.4, 0.6):
+        reference = (*joints[:5], q6)
+        assert inverse.inverse(ZU7, forward(ZU7, joints), reference)[5] == pytest.approx(q6, abs=1e-9)
 
 
 def test_the_solution_printed_by_a_controller_is_reproduced():
