@@ -106,7 +106,7 @@ def test_a_long_piece_stays_in_the_range_between_its_samples_too(duration, side)
 
 @pytest.mark.parametrize("room, is_taken", [(2e-5, True), (-2e-5, False)])
 def test_a_long_piece_may_come_as_near_to_a_limit_as_it_likes(room, is_taken):
-    """The top of a parabola lies between two samples, whose bound passes the limit."""
+    """Put the top of a parabola between two samples, whose bound passes the limit."""
     high = stream_limits(MODEL)[2][1]
     share, duration = 0.5 + 1 / 128, 8.0
     top, rise = high - room, 0.6  # position and speed of a parabola about the top, at both ends

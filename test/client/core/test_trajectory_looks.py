@@ -1,4 +1,4 @@
-"""What a look along a trajectory makes certain: between the places that are looked at, no part comes too near."""
+"""The look along a trajectory: between the places that are looked at, no part comes nearer than 5 mm."""
 import types
 
 import numpy as np
