@@ -51,6 +51,8 @@ def test_nothing_is_the_defaults():
     ("ignore_topics: /rosout", "list of regular expressions"), ("ignore_topics: ['(']", "not a regular expression"),
     ("fields: {/a: {x: {absolut: 1}}}", "did you mean 'absolute'"), ("fields: {/a: {x: {wraps: 1}}}", "true or false"),
     ("joints: {per_joint: {joint_1: x}}", "joints.per_joint.joint_1"), ("joints: {}\njoints: {}", "given twice"),
+    ("? [1, 2]\n: 3", "a key is no text"), ("? {a: 1}\n: 3", "a key is no text"),
+    ("? 0x%s\n: 1" % ("f" * 5000), "thousands of digits"), ("streams: 0x%s" % ("f" * 5000), "thousands of digits"),
     ("- 1", "expected names"), ("a: [", "while parsing"),
 ])
 def test_what_is_not_understood_is_refused_with_the_key(text, words):

@@ -176,14 +176,25 @@ _SECTIONS: Dict[str, Type[Any]] = {
     "streams": StreamTolerance, "timing": TimingTolerance, "joints": JointTolerance, "tcp": TcpTolerance,
     "states": StateTolerance, "contents": ContentTolerance, "calls": CallTolerance}
 
+_MOST_BITS = 2000
+"""Bits of the largest whole number that is read: Python shows none of more than 4,300 digits."""
+
 
 class _UniqueKeys(yaml.SafeLoader):
-    """YAML in which a key given twice is an error."""
+    """YAML in which a key given twice is an error, and a number that no error text could show."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        value = super().construct_object(node, deep)
+        if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+            raise yaml.constructor.ConstructorError(None, None, "a number of thousands of digits", node.start_mark)
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Dict[Hashable, Any]:
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.constructor.ConstructorError(None, None, "a key is no text", key_node.start_mark)
             if key in seen:
                 raise yaml.constructor.ConstructorError(None, None, "%r is given twice" % (key,), key_node.start_mark)
             seen.add(key)
