@@ -44,6 +44,8 @@ def load_yaml(text: str) -> Any:
 
     try:
         return yaml.load(text, Loader=UniqueKeys)
+    except InvalidCommand:
+        raise
     except (yaml.YAMLError, RecursionError, ValueError, TypeError) as error:  # a date or a number that is none
         raise InvalidCommand("is no YAML: " + " ".join(str(error).split())) from error
 

@@ -56,7 +56,7 @@ READERS = [read_model, read_workspace, read_text, read_dialect, read_beginning]
 def test_a_key_that_is_given_twice_is_refused_and_named(read, text, key, tmp_path):
     with pytest.raises(InvalidCommand, match=r"gives the key '%s' twice, again in line \d" % key) as caught:
         read(text, tmp_path)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and "no YAML" not in str(caught.value)
 
 
 def test_the_model_without_the_second_key_is_taken(tmp_path):
