@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayou
 from jaka_msgs.msg import RobotMsg
 from jaka_msgs.srv import SetIORequest
 from jaka_panel.graph import raw_messages, requests, rotations
+from jaka_panel.graph.arm_feed import _whole
 from jaka_panel.graph.description import Description
 from jaka_panel.graph.motion_lists import StopWatch
 from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, output_of, text, whole
@@ -197,3 +198,9 @@ def test_a_stop_of_anybody_ends_a_list_also_while_its_path_is_sent():
     assert watch.is_set() and not watch.is_stopped, "lost control ends it, too"
     cancelled.set()
     assert watch.is_set() and watch.is_stopped
+
+
+@pytest.mark.parametrize("told,taken", [("2", 2), ("-1", -1), (None, None), ("", None), ("--1", None), ("²", None),
+                                        ("9" * 5000, None), ("1.0", None)])
+def test_numbers_of_a_report_are_taken_where_they_are_numbers(told, taken):
+    assert _whole(told) == taken

@@ -73,6 +73,10 @@ def test_all_chunks_together_are_limited_and_the_limit_can_be_raised(monkeypatch
         allowance.take(1, 4 << 30)
     monkeypatch.setenv("JAKA_BAG_UNPACK_MB", "21000")
     Allowance(1000).take(0, 19 << 30)
+    for meaningless in ("²", "9" * 5000, "-1", "many"):
+        monkeypatch.setenv("JAKA_BAG_UNPACK_MB", meaningless)
+        with pytest.raises(LimitReached):
+            Allowance(1000).take(0, 19 << 30)
 
 
 def test_damages_in_an_open_chunk_cost_no_more_than_themselves(corpus, tmp_path, capsys):

@@ -12,6 +12,7 @@ from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers import rosbag2_folder, rosbag2_reader
+from jaka_bag.containers.index import storage_files
 from jaka_bag.containers.registry import open_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -118,6 +119,13 @@ def test_several_files(plain, tmp_path, capsys, suffix):
     lost = json.loads(capsys.readouterr().out)["losses"]
     assert [loss["file"] for loss in lost] == ["run_10" + suffix]
     assert content(tmp_path / "first") == [m for m in messages if m[2] < middle]
+
+
+def test_files_are_ordered_by_their_numbers_whatever_else_is_in_their_names(tmp_path):
+    names = ["run_9.mcap", "run_10.mcap", "run_10²_1.mcap", "x٣.mcap"]
+    for name in names:
+        (tmp_path / name).write_bytes(b"")
+    assert storage_files(tmp_path) == names
 
 
 def test_a_file_that_is_named_and_not_there(plain, tmp_path, capsys):

@@ -100,7 +100,7 @@ def is_readable(size: int, stored: int) -> bool:
 def _limit(floor: int, ratio: int, stored: int) -> int:
     """Return the largest uncompressed size, byte, that ``stored`` bytes may claim."""
     trusted = os.environ.get(_LIMIT_NAME, "")
-    return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdigit() else 0)
+    return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdecimal() and len(trusted) < 10 else 0)
 
 
 def _limit_reached(what: str, claimed: int, limit: int) -> LimitReached:

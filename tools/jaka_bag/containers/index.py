@@ -186,7 +186,7 @@ def is_folder_of_messages(path: PathLike) -> bool:
 def _by_number(name: str) -> List[Any]:
     """Return a key that sorts ``run_10`` behind ``run_9``."""
     import re
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+    return [int(part) if n % 2 else part for n, part in enumerate(re.split("([0-9]+)", name))]
 
 
 def storage_files(folder: PathLike) -> List[str]:

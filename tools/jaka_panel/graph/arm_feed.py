@@ -5,6 +5,7 @@ rospy calls back in threads of its own, which only put raw messages down here; t
 """
 import logging
 import math
+import re
 import struct
 import time
 from collections import deque
@@ -30,6 +31,7 @@ STALE_S = 0.3
 """Age, s, above which joints are shown as stale and nobody jogs by them."""
 KEPT_CALLS = 50
 _LONGEST_TEXT = 2000
+_WHOLE = re.compile("-?[0-9]{1,9}")
 _IO_PERIOD_S = 0.1
 _STOPS = ("stop_move", "stop_motion")
 _PENDING = 2000
@@ -473,4 +475,4 @@ def _true(text: Optional[str]) -> Optional[bool]:
 
 
 def _whole(text: Optional[str]) -> Optional[int]:
-    return int(text) if text is not None and text.lstrip("-").isdigit() else None
+    return int(text) if text is not None and _WHOLE.fullmatch(text) else None
