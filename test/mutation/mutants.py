@@ -19,6 +19,7 @@ TRACE = ("test/client/test_servo_trace.py",)
 GUARD = ("test/client/test_stopping.py",)
 CORE = ("test/client/core",)
 WAITS = ("test/client/core/test_waits.py",)
+PAUSES = ("test/client/core/test_pauses.py",)
 RESERVE = ("test/client/simulated/test_stream_ahead.py",)
 SEEDS = tuple("test/custody/test_seeds.py::test_" + name for name in (
     "what_once_failed_in_short", *("no_seed_breaks_a_rule[%d]" % first for first in range(1, 51, 10))))
@@ -226,6 +227,11 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "if now - max(self._begun_at, self._held_at) >= START_WINDOW_S:", "if False:", CORE),
     Mutant("a move may take for ever", "client/core/move.py",
            "if self._target is not None and now >= self.deadline:", "if False:", CORE),
+    Mutant("only a call ends the pause of a call", "client/core/move.py",
+           "if self._frames_without >= _PAUSE_ENDS_AFTER:", "if False:", PAUSES),
+    Mutant("one frame ends a pause", "client/core/move.py", "_PAUSE_ENDS_AFTER = 3", "_PAUSE_ENDS_AFTER = 1", PAUSES),
+    Mutant("the time of a pause counts", "client/core/move.py",
+           "max(self.deadline + passed, now", "max(self.deadline, now", PAUSES),
     Mutant("every move succeeds", "client/core/move.py",
            "if was_passed_over else outcome)", "if was_passed_over else None)",
            CORE),

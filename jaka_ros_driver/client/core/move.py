@@ -25,6 +25,40 @@ _LONGEST_FRAME_TIME_S = 0.1
 """Longest interval, s, between two frames of a feed in good order."""
 _LEVER = 0.1
 """Smallest radius, m, at which a joint's turning moves the tool for that joint to count."""
+_PAUSE_ENDS_AFTER = 3
+"""Frames without the pause that end it; what one frame alone shows may be damage."""
+
+
+class PausableMotion(ArmMotion):
+    """A motion that the controller plans, and holds in a pause: by a call, or at the pendant.
+
+    Attributes:
+        is_paused: Paused by a call; that time does not count. It is so until a call resumes it, or the feed shows
+            the pause no more: then somebody has resumed it at the pendant.
+    """
+
+    is_paused = False
+    _held_at = 0.0
+    _frames_without = 0
+    _counted_until: Optional[float] = None
+
+    def _note_pause(self, state: RobotState, now: float, has_moved: bool) -> None:
+        """Take what the feed shows of a pause; the one of a call was shown before ``is_paused`` was set."""
+        self._frames_without = self._frames_without + 1 if self.is_paused and not state.is_paused else 0
+        if self._frames_without >= _PAUSE_ENDS_AFTER:
+            self.is_paused = False
+        if self.is_paused or (has_moved and is_held(state)):
+            self._held_at = now
+
+    def _extend_time(self, now: float) -> bool:
+        """Return whether it is paused by a call; then its time limit comes later by the time that has passed."""
+        if not self.is_paused:
+            self._counted_until = None
+            return False
+        passed = 0.0 if self._counted_until is None else now - self._counted_until
+        self.deadline = max(self.deadline + passed, now + START_WINDOW_S)
+        self._counted_until = now
+        return True
 
 
 class _Part:
@@ -40,7 +74,7 @@ class _Part:
         self.was_reached = False
 
 
-class Move(ArmMotion):
+class Move(PausableMotion):
     """A motion that is completed when the arm rests at the last target, and stopped when anything contradicts that.
 
     Attributes:
@@ -48,8 +82,6 @@ class Move(ArmMotion):
     """
 
     owner = MotionOwner.MOVE
-    is_paused = False
-    """True while it is paused by a call; that time does not count."""
 
     def __init__(self, custody: Custody, command: MoveCommand, call: Token, waits: bool, state: RobotState,
                  place: StartPlace, end: Token = None) -> None:
@@ -71,7 +103,6 @@ class Move(ArmMotion):
         self._target: Optional[MoveCommand] = None
         self._accepted_at = 0.0
         self._waits_since: Optional[float] = None
-        self._held_at = 0.0
         self._has_moved = False
         self._must_move = False
         self._in_position = InPosition()
@@ -100,8 +131,7 @@ class Move(ArmMotion):
             self._has_moved = _joint_distance(state, self._start) > MOVEMENT
         if self._has_moved:
             self._in_position.observe(state)
-        if self.is_paused or (self._has_moved and is_held(state)):
-            self._held_at = now
+        self._note_pause(state, now, self._has_moved)
         self._note_reached(state, now)
         if not self._has_moved and self._must_move:
             self._look_for_the_start(self._target, state, now)
@@ -109,9 +139,9 @@ class Move(ArmMotion):
             self._look_for_the_end(self._target, state, now)
 
     def tick(self, now: float) -> None:
-        if self.is_paused:
-            self.deadline = max(self.deadline, now + START_WINDOW_S)
-        elif self._target is not None and now >= self.deadline:
+        if self._extend_time(now):
+            return
+        if self._target is not None and now >= self.deadline:
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "not completed after %.0f s" % self._custody.settings.motion_timeout), now)
         elif (self._must_move and not self._has_moved and self._waits_since is not None

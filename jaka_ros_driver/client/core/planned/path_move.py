@@ -8,11 +8,12 @@ from typing import Any, Callable, NamedTuple, Optional
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion import MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import (
     NOT_SEEN_TO_BEGIN,
     START_WINDOW_S,
     UNSEEN_START_S,
+    PausableMotion,
     distance_text,
     relative_distance,
 )
@@ -46,13 +47,10 @@ class PathProgress(NamedTuple):
         return min(self.completed, self.total - 1)
 
 
-class PathMove(ArmMotion):
+class PathMove(PausableMotion):
     """A motion that is completed when every segment was passed and the arm rests at the last target.
 
     It is stopped by what contradicts that.
-
-    Attributes:
-        is_paused: Paused by a call; that time does not count.
     """
 
     owner = MotionOwner.PATH
@@ -82,14 +80,12 @@ class PathMove(ArmMotion):
         self._target = self._waiting[-1]
         self._begun_at: Optional[float] = None
         self._accepted_at: Optional[float] = None
-        self._held_at = 0.0
         self._has_moved = False
         self._must_move = any((relative_distance(command, state) or 0.0) > NO_DISTANCE for command in self._waiting)
         self._in_position = InPosition()
         self._completed = 0
         self._is_done = False
         self._has_rested = False
-        self.is_paused = False
         self.rest_time = max(rest_time_at(command.speed, not isinstance(command, JointMove))
                              for command in self._waiting)
 
@@ -117,8 +113,7 @@ class PathMove(ArmMotion):
                 state.joint_position, self._start.joint_position)]) > MOVEMENT
         if self._has_moved:
             self._in_position.observe(state)
-        if self.is_paused or (self._has_moved and is_held(state)):
-            self._held_at = now
+        self._note_pause(state, now, self._has_moved)
         if self._tracker.completed > self._completed:
             self._completed = self._tracker.completed
             self._set_deadline(now)
@@ -135,9 +130,9 @@ class PathMove(ArmMotion):
             self._follow(state)
 
     def tick(self, now: float) -> None:
-        if self.is_paused:
-            self.deadline = max(self.deadline, now + START_WINDOW_S)
-        elif now >= self.deadline:
+        if self._extend_time(now):
+            return
+        if now >= self.deadline:
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "no segment completed for %.0f s" % self._custody.settings.motion_timeout), now)
         elif (self._begun_at is not None and self._must_move and not self._has_moved
