@@ -170,10 +170,14 @@ class Move(PausableMotion):
             return
         self._answer(part, error)
         self._end(part, error)
+        is_last = part is self._parts[-1]
         self._parts.remove(part)
         self.place = StartPlace.unknown()
-        if not self._parts or not isinstance(error, CommandRejected):  # refused, it leaves the others of the queue
+        if not self._parts or not isinstance(error, CommandRejected):
             self._custody.not_accepted(error, now)
+        elif not is_last:  # the way from there to their targets was neither asked for nor looked at
+            self._custody.stop(MotionInterrupted(
+                StopCause.FAULT, "a move of the queue was refused; those behind it would begin elsewhere"), now)
 
     def _accepted(self, part: _Part, now: float) -> None:
         self._target = part.command

@@ -4,6 +4,7 @@ import math
 import pytest
 from stories import HOME, PERIOD, Story
 
+from jaka_ros_driver.clearance.workspace import workspace_of
 from jaka_ros_driver.client.core.actions import Close, Open, Port
 from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay
@@ -308,16 +309,59 @@ def test_an_arm_that_coasts_for_half_a_second_and_rests_then_needs_no_second_sto
 
 # ---- queues ----
 
-def test_a_refused_part_leaves_the_others_of_the_queue():
+def queued(story, *names):
+    for number, name in enumerate(names):
+        story.core.move(name, to(0.5 - 0.2 * number), False, story.now, "end of " + name)
+        story.perform()
+
+
+def test_a_refused_part_at_the_end_leaves_those_before_it():
     story = Story()
-    story.core.move("first", to(0.5), False, story.now, "end of first")
-    story.perform()
+    queued(story, "first")
     story.replies["joint_move"] = "2"
     story.core.move("second", to(0.0), False, story.now, "end of second")
     story.perform()
     assert isinstance(story.error("end of second"), CommandRejected)
     story.run(1.2, move=0.5, **MOVING).run(0.3)
     assert story.error("end of first") is None and story.core.is_free and story.count("stop_program") == 0
+
+
+@pytest.mark.parametrize("codes", ["020", "200", "220", "022"])
+def test_a_refused_part_with_others_behind_it_stops_the_queue_for_they_would_begin_elsewhere(codes):
+    story = Story()
+    story.replies["joint_move"] = None
+    queued(story, "first", "second", "third")
+    story.run(0.02, move=0.5, **MOVING)
+    for code in codes:
+        story.reply("joint_move", code)
+    story.run(0.1, move=0.5, **MOVING).run(0.5)
+    assert story.count("stop_program") == 1 and story.core.is_free
+    names = ("first", "second", "third")
+    refused = names[codes.index("2")]
+    assert isinstance(story.error("end of " + refused), CommandRejected)
+    for name in names:
+        assert name == refused or "would begin elsewhere" in str(story.error("end of " + name))
+        assert (story.error(name) is None) is (name == "first" and codes[0] == "0")
+
+
+def test_moves_behind_one_that_was_refused_do_not_run_where_the_motion_guard_has_not_looked():
+    post = workspace_of({"keep_out": [{"name": "post", "centre": [0.28, 0.28, 0.2], "size": [0.15, 0.15, 0.4]}]})
+    low, high = to(0.0), JointMove((0.0, HOME[1] + 0.3, HOME[2] - 0.15) + HOME[3:], 0.5, 1.0)
+    over, down = (JointMove((math.pi / 2,) + way.joint_position[1:], 0.5, 1.0) for way in (high, low))
+    story = Story(workspace=post)
+    story.replies["joint_move"] = None
+    for name, move in (("up", high), ("over", over), ("down", down)):
+        story.core.move(name, move, False, story.now, "end of " + name)
+        story.perform()
+    story.run(0.02, **MOVING)
+    assert story.count("joint_move") == 3, [str(story.error(name)) for name in ("up", "over", "down")]
+    for code in "020":
+        story.reply("joint_move", code)
+    story.run(0.3)
+    assert story.count("stop_program") == 1 and story.cause("end of down") is StopCause.FAULT
+    story.core.move("direct", down, False, story.now)
+    story.run(0.1)
+    assert "post" in str(story.error("direct")), "it is the way that the third move would have taken"
 
 
 # ---- the log ----
