@@ -1,8 +1,9 @@
-"""A move or a path that is paused by a call: whoever ends its pause, it comes to an end, and in its own time."""
+"""Motions that are paused by a call: whoever ends the pause, it has an end; and what the call answers is true."""
 import math
 
 import pytest
 from stories import HOME, Story
+from test_trajectory_stories import following, moves, to
 
 from jaka_ros_driver.client.core.procedures.pausing import pause, resume
 from jaka_ros_driver.commands import JointMove
@@ -90,3 +91,33 @@ def test_the_time_of_a_pause_by_a_call_does_not_count(kind):
 def test_a_pause_that_the_feed_never_shows_fails_and_rest_ends_the_motion_as_without_it(kind):
     story = paused(kind, shows=False).run(1.5, **MOVING)
     assert story.cause("end") is StopCause.STOPPED and isinstance(story.error("pause"), InvalidCommand)
+
+
+def trembling():
+    """Return a trajectory that a call has paused, and whose arm was not seen at rest."""
+    story = asked(following(to(1.5, 1.0)).run(0.7), "pause", pause).run(0.1)
+    story.is_held = True
+    for number in range(300):
+        story.joints[0] += 3e-4 if number // 4 % 2 else -3e-4
+        story.run(0.008)
+    story.is_held = False
+    return story
+
+
+def test_a_trajectory_that_was_not_seen_at_rest_in_its_pause_is_held_and_said_to_be():
+    story = trembling()
+    assert story.cause("pause") is StopCause.TIMEOUT and "trajectory is held" in str(story.error("pause"))
+    assert "goes on with it" in str(story.error("pause"))
+    story.run(5.0)
+    assert max(map(abs, moves(story)[-100:])) == 0.0 and story.error("goal") == "pending"
+    assert asked(story, "resume", resume).run(1.6).error("goal") is None and story.error("resume") is None
+
+
+def test_a_pause_that_was_refused_does_not_hold_the_trajectory_that_takes_over():
+    story = following(to(1.5, 1.0)).run(0.7)
+    asked(story, "pause", pause).run(0.016)
+    assert story.core.cancel_trajectory("goal", story.now)
+    story.run(0.016)
+    assert isinstance(story.error("pause"), InvalidCommand), "it has ended"
+    story.follow("next", (to(2.0, 0.5),))
+    assert story.run(3.0).error("next") is None

@@ -20,24 +20,43 @@ def pause(core: ArmCore) -> Procedure:
 
     Raises:
         InvalidCommand: Nothing runs that can be paused, or it has ended meanwhile.
-        MotionInterrupted: The arm did not come to rest within 2 s; it is still in custody, and a stop ends it.
+        MotionInterrupted: The arm was not seen to come to rest within 2 s; it is still in custody, and a stop ends it.
+            A trajectory stays held until it is resumed, a path or move may go on.
         JakaError: As ``Ask``.
     """
     motion = _pausable(core)
     if isinstance(motion, Trajectory):
-        motion.is_paused = True
+        yield from _pause_trajectory(core, motion)
     else:
         yield Ask(PauseMotion())
+        if not (yield from _seen_held(core, motion, lambda: core.state is not None and bool(core.state.is_paused))):
+            raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen paused within %.0f s; %s goes on" % (
+                _TIMEOUT_S, motion.name))
+        motion.is_paused = True
+    return "%s is paused; resume goes on, stop_move ends it" % motion.name
 
-    def is_held() -> bool:
+
+def _pause_trajectory(core: ArmCore, motion: Trajectory) -> Procedure:
+    """Hold the stream of a trajectory, which stays held whether or not the arm is seen at rest."""
+    was_paused, motion.is_paused = motion.is_paused, True
+    try:
+        is_seen = yield from _seen_held(core, motion, lambda: motion.is_held)
+    except InvalidCommand:  # cancelled; another one may take over, and must not be held by a pause that was refused
+        if not was_paused:
+            motion.is_paused = False
+        raise
+    if not is_seen:
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen at rest within %.0f s; %s" % (
+            _TIMEOUT_S, "%s is held, resume goes on with it, stop_move ends it" % motion.name if motion.is_paused
+            else "%s was resumed meanwhile" % motion.name))
+
+
+def _seen_held(core: ArmCore, motion: ArmMotion, is_held: Callable[[], bool]) -> Procedure:
+    """Return whether the arm is seen at rest in time, where the motion is held."""
+    def is_held_under_way() -> bool:
         _require_still_under_way(core, motion, "paused")
-        return motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
-            core.state.is_paused)
-    if not (yield Until(rests_while(core, is_held, motion.rest_time), _TIMEOUT_S + motion.rest_time)):
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen paused within %.0f s; %s goes on" % (
-            _TIMEOUT_S, motion.owner.value))
-    motion.is_paused = True
-    return "%s is paused; resume goes on, stop_move ends it" % motion.owner.value
+        return is_held()
+    return (yield Until(rests_while(core, is_held_under_way, motion.rest_time), _TIMEOUT_S + motion.rest_time))
 
 
 def resume(core: ArmCore) -> Procedure:
