@@ -64,8 +64,9 @@ class PausableMotion(ArmMotion):
 class _Part:
     """One command of the queue, and the caller who has not been answered yet."""
 
-    def __init__(self, command: MoveCommand, call: Token, waits: bool, end: Token = None) -> None:
+    def __init__(self, command: MoveCommand, call: Token, waits: bool, place: StartPlace, end: Token = None) -> None:
         self.command = command
+        self.place = place
         self.call = call
         self.end = end
         self.waits = waits
@@ -99,7 +100,7 @@ class Move(PausableMotion):
         self.place = place
         self._custody = custody
         self._start = state
-        self._parts = [_Part(command, call, waits, end)]
+        self._parts = [_Part(command, call, waits, place, end)]
         self._target: Optional[MoveCommand] = None
         self._accepted_at = 0.0
         self._waits_since: Optional[float] = None
@@ -119,7 +120,7 @@ class Move(PausableMotion):
         Raises:
             JakaError: Nothing was sent.
         """
-        part = _Part(command, call, waits=False, end=end)
+        part = _Part(command, call, waits=False, place=place, end=end)
         self._send(part, now)
         self._parts.append(part)
         self.place = place
@@ -172,7 +173,7 @@ class Move(PausableMotion):
         self._end(part, error)
         is_last = part is self._parts[-1]
         self._parts.remove(part)
-        self.place = StartPlace.unknown()
+        self.place = self._parts[-1].place if self._parts else StartPlace.unknown()
         if not self._parts or not isinstance(error, CommandRejected):
             self._custody.not_accepted(error, now)
         elif not is_last:  # the way from there to their targets was neither asked for nor looked at

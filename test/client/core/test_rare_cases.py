@@ -344,13 +344,37 @@ def test_a_refused_part_with_others_behind_it_stops_the_queue_for_they_would_beg
         assert (story.error(name) is None) is (name == "first" and codes[0] == "0")
 
 
-def test_moves_behind_one_that_was_refused_do_not_run_where_the_motion_guard_has_not_looked():
+def beside_a_post():
+    """Return a story with a post between two places, and the moves up, over it, and down behind it."""
     post = workspace_of({"keep_out": [{"name": "post", "centre": [0.28, 0.28, 0.2], "size": [0.15, 0.15, 0.4]}]})
-    low, high = to(0.0), JointMove((0.0, HOME[1] + 0.3, HOME[2] - 0.15) + HOME[3:], 0.5, 1.0)
-    over, down = (JointMove((math.pi / 2,) + way.joint_position[1:], 0.5, 1.0) for way in (high, low))
-    story = Story(workspace=post)
+    up = JointMove((0.0, HOME[1] + 0.3, HOME[2] - 0.15) + HOME[3:], 0.5, 1.0)
+    over, down = (JointMove((math.pi / 2,) + way[1:], 0.5, 1.0) for way in (up.joint_position, HOME))
+    return Story(workspace=post), up, over, down
+
+
+def test_a_move_behind_a_refused_one_is_looked_at_from_the_end_of_the_one_before_it():
+    story, up, over, down = beside_a_post()
+    story.core.move("nowhere", to(0.05), False, story.now)
+    story.perform()
+    story.replies["joint_move"] = "2"
+    story.core.move("up", up, False, story.now)
+    story.perform()
+    assert isinstance(story.error("up"), CommandRejected)
+    story.replies["joint_move"] = "0"
+    story.core.move("down", down, False, story.now)
+    story.perform()
+    assert "post" in str(story.error("down")) and story.count("joint_move") == 2
+    story.core.move("up again", up, False, story.now)
+    story.perform()
+    story.core.move("over", over, False, story.now)
+    story.perform()
+    assert story.error("up again") is story.error("over") is None and story.count("joint_move") == 4
+
+
+def test_moves_behind_one_that_was_refused_do_not_run_where_the_motion_guard_has_not_looked():
+    story, up, over, down = beside_a_post()
     story.replies["joint_move"] = None
-    for name, move in (("up", high), ("over", over), ("down", down)):
+    for name, move in (("up", up), ("over", over), ("down", down)):
         story.core.move(name, move, False, story.now, "end of " + name)
         story.perform()
     story.run(0.02, **MOVING)
