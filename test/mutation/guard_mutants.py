@@ -31,7 +31,7 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
            "        self.place = custody.motion_check.place_of(state)\n", MOTIONS),
     Mutant("behind a refused move the way of the next one is not looked at", "client/core/move.py",
            "self.place = self._parts[-1].place if self._parts else", "self.place =",
-           ("test/client/core/test_rare_cases.py",)),
+           ("test/client/core/test_refused_parts.py",)),
     Mutant("a limit is no end of a line", "client/core/motion_guard/line_walk.py",
            "if not low <= angle <= high:", "if False:", PATHS),
     Mutant("no place is singular", "client/core/motion_guard/line_walk.py",

@@ -228,7 +228,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("a move may take for ever", "client/core/move.py",
            "if self._target is not None and now >= self.deadline:", "if False:", CORE),
     Mutant("what waits behind a refused move begins elsewhere", "client/core/move.py",
-           "elif not is_last:", "elif False:", ("test/client/core/test_rare_cases.py",)),
+           "elif not is_last:", "elif False:", ("test/client/core/test_refused_parts.py",)),
     Mutant("only a call ends the pause of a call", "client/core/move.py",
            "if self._frames_without >= _PAUSE_ENDS_AFTER:", "if False:", PAUSES),
     Mutant("one frame ends a pause", "client/core/move.py", "_PAUSE_ENDS_AFTER = 3", "_PAUSE_ENDS_AFTER = 1", PAUSES),
