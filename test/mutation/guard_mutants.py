@@ -32,6 +32,8 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("behind a refused move the way of the next one is not looked at", "client/core/move.py",
            "self.place = self._parts[-1].place if self._parts else", "self.place =",
            ("test/client/core/test_refused_parts.py",)),
+    Mutant("a move to where the arm is hides a rounded corner", "client/core/motion_guard/motion_check.py",
+           "start.way if is_nowhere else way", "way", ("test/client/core/test_bad_paths.py",)),
     Mutant("a limit is no end of a line", "client/core/motion_guard/line_walk.py",
            "if not low <= angle <= high:", "if False:", PATHS),
     Mutant("no place is singular", "client/core/motion_guard/line_walk.py",

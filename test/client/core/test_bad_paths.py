@@ -204,6 +204,21 @@ def test_a_way_of_more_places_than_are_looked_for_is_refused_where_they_end(monk
         to_the_end(check_of("zu7").after_move(command, start))
 
 
+@pytest.mark.parametrize("between", [None, "line", "joints"])
+def test_a_move_to_where_the_one_before_it_ends_does_not_hide_its_rounded_corner(between):
+    # a controller need not take it into its queue, and rounds the corner beside it (docs/simulated_motion.md)
+    peg = {"keep_out": [{"name": "peg", "centre": [0.417, 0.245, 0.3075], "size": [0.03, 0.03, 0.1]}]}
+    check, corner = check_of("zu7", peg), shifted("zu7", HOME, y=0.2)
+    place = to_the_end(check.after_move(c.LinearMove(corner, 0.2, 1.0, 0.05),
+                                        StartPlace(HOME, ToolFrames(IDENTITY, IDENTITY))))
+    if between:
+        place = to_the_end(check.after_move(c.LinearMove(corner, 0.2, 1.0) if between == "line"
+                                            else c.JointMove(place.joints, 0.2, 1.0), place))
+    down = c.LinearMove(shifted("zu7", HOME, y=0.2, z=-0.2), 0.2, 1.0)
+    with pytest.raises(InvalidCommand, match="refused: on the rounded corner where it begins, "):
+        to_the_end(check.after_move(down, place))
+
+
 def test_a_trajectory_of_a_day_is_looked_at_in_pieces():
     end = (0.5,) + HOME[1:]
     points = tuple([TrajectoryPoint(3600.0 * (k + 1), (0.5 * (k % 2),) + HOME[1:]) for k in range(23)]

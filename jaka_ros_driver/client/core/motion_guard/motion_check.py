@@ -232,7 +232,7 @@ class MotionCheck:
             return "after %.0f %% of the way %s" % (100.0 * trouble.share, trouble.reason)
         longest = max([abs(b - a) for a, b in zip(begin, end)])
         way = JointWay(begin, end, longest / command.speed, command.tolerance)
-        ends.append(StartPlace(end, start.frames, way))
+        ends.append(_end_of(way, start))
         return (yield from self._corner_trouble(start, way))
 
     def _corner_trouble(self, start: StartPlace, way: Way) -> Looks[str]:
@@ -262,7 +262,7 @@ class MotionCheck:
         trouble = yield from self._way_trouble(way)
         if trouble:
             return trouble
-        ends.append(StartPlace(way.end, start.frames, way))
+        ends.append(_end_of(way, start))
         return (yield from self._corner_trouble(start, way))
 
     def _way_trouble(self, way: LineWalk) -> Looks[str]:
@@ -279,6 +279,17 @@ class MotionCheck:
             self._has_told_frames = True
             self._actions.log(logging.WARNING, "the motion guard does not look at the way of lines and poses while the "
                               "active tool and user frame are not known, or do not fit the model; said once")
+
+
+def _end_of(way: Way, start: StartPlace) -> StartPlace:
+    """Return the place where a way ends.
+
+    One that leads nowhere leaves the way before it: a controller need not queue it, and then rounds the corner there.
+    """
+    assert start.joints is not None
+    places = way.joints if isinstance(way, LineWalk) else [way.end]  # an arc may end where it begins
+    is_nowhere = all(abs(a - b) <= MOVEMENT for joints in places for a, b in zip(start.joints, joints))
+    return StartPlace(way.end, start.frames, start.way if is_nowhere else way)
 
 
 def _found(looks: Looks[str]) -> Looks[str]:
