@@ -71,6 +71,7 @@ class ArmCore:
         custody: Who moves the arm.
         links: To the controller.
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
+        link_losses: How many of these were lost links.
         last_disturbance: The last one, in words.
         is_recovering: True while a recovery runs.
         dead_man: Who holds a velocity jog.
@@ -85,7 +86,8 @@ class ArmCore:
         self.channel = CommandChannel(self.actions, settings)
         self.custody = Custody(self.actions, self.channel, settings, model,
                                lambda now: self._admission.retry(now))
-        self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
+        self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance,
+                           self._note_link_loss)
         self._admission = Admission(self.actions, self.custody, self.links)
         self._stops = Stops(self.actions, self.channel, self.custody, self.links, self._admission, settings,
                             self._carry_out)
@@ -97,7 +99,7 @@ class ArmCore:
         self._servo_end = ""
         self._point_gate = PointGate()
         self._point: Optional[PointRequest] = None
-        self.disturbances = 0
+        self.disturbances = self.link_losses = 0
         self.last_disturbance = ""
         self.is_recovering = False
         self.dead_man = DeadMan()
@@ -516,6 +518,11 @@ class ArmCore:
         self.last_disturbance = what
         self.dead_man.release(what)
         self._point_gate.close(what)
+
+    def _note_link_loss(self, what: str) -> None:
+        """Record a disturbance that nobody asked for and that shows no trouble of the arm's."""
+        self.link_losses += 1
+        self.note_disturbance(what)
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """Record that the controller accepted a change of hand guiding; not every feed has that."""

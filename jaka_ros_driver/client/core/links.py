@@ -69,16 +69,23 @@ class Links:
     """
 
     def __init__(self, settings: ClientSettings, actions: Actions, channel: CommandChannel, custody: Custody,
-                 on_disturbed: Callable[[str], None]) -> None:
+                 on_disturbed: Callable[[str], None], on_link_lost: Callable[[str], None]) -> None:
         """Set up without a connection; ``start`` connects.
 
-        on_disturbed: Called with what ends an act that was begun without a call.
+        Args:
+            settings: Times, and whose controller it is.
+            actions: Where actions go.
+            channel: Of the command port.
+            custody: Who moves the arm.
+            on_disturbed: Called with what the arm shows that ends an act that was begun without a call.
+            on_link_lost: Called with a lost link or feed, which ends such an act, too.
         """
         self._settings = settings
         self._actions = actions
         self._channel = channel
         self._custody = custody
         self._on_disturbed = on_disturbed
+        self._on_link_lost = on_link_lost
         self._feed = Feed(settings.feed_period)
         self._witness = Witness(actions, channel, settings.silence_timeout)
         self._command = PortLink(Port.COMMAND, actions)
@@ -350,7 +357,7 @@ class Links:
         self._channel.close(reason, now, late)
         self._custody.link_lost(reason, now)
         if was_ready:
-            self._on_disturbed("the link was lost")
+            self._on_link_lost("the link was lost")
         if self._settings.simulator and self._status.is_up:
             self._status.stop("it is not known whose it is")
             self._sight_lost(reason, now)
@@ -389,7 +396,7 @@ class Links:
     def _sight_lost(self, reason: str, now: float) -> None:
         if self._has_sight:
             self._has_sight = False
-            self._on_disturbed("the status feed was lost")
+            self._on_link_lost("the status feed was lost")
         self._custody.sight_lost(reason, now)
 
 

@@ -2,6 +2,7 @@
 import pytest
 from stories import HOME, Story
 
+from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.procedures import power, recovery
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
@@ -102,6 +103,74 @@ def test_drives_that_go_off_meanwhile_end_the_powering_for_good(before, worse):
     story.fields.update(powered_on=1, enabled=False)
     story.run(0.5)
     assert switches(story) == begun and "drives went off" in story.core.last_disturbance
+
+
+def unseen():
+    """Return a story in which the arm, whose drives are off, is to be powered as soon as it is seen."""
+    story = Story(ready=False)
+    story.fields.update(OFF)
+    story.core.run(None, power.auto_enable(story.core), story.now)
+    story.perform()
+    return story
+
+
+CALLS_OFF = [lambda story: story.core.stop("stop", story.now), *[
+    lambda story, procedure=procedure: story.core.run("call", procedure(story.core), story.now) for procedure in (
+        lambda core: power.set_power(core, False), lambda core: power.set_enabled(core, False), power.clear_error)]]
+
+
+@pytest.mark.parametrize("ports", [(), (Port.COMMAND,), (Port.STATUS,)])
+@pytest.mark.parametrize("call_off", CALLS_OFF, ids=["stop", "power off", "disable", "clear_err"])
+def test_what_was_asked_for_before_the_arm_is_seen_ends_the_powering_for_good(call_off, ports):
+    story = unseen()
+    for port in ports:
+        story.core.opened(port, story.now)
+        story.perform()
+    call_off(story)
+    story.perform()
+    for port in (Port.COMMAND, Port.STATUS):
+        if port not in ports:
+            story.core.opened(port, story.now)
+            story.perform()
+    story.run(0.5)
+    assert story.core.is_ready(story.now) and not switches(story)
+    assert [text for text in story.log if text.startswith("auto_enable")] == [
+        "auto_enable: a stop, a call or a fault came before the arm was seen, and it is left as it is"]
+
+
+def test_a_stop_at_the_controller_before_the_handshake_is_done_ends_the_powering_for_good():
+    story = unseen()
+    story.core.opened(Port.STATUS, story.now)
+    story.perform()
+    story.run(0.1).run(0.1, emergency_stop=1).run(0.1)
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    story.run(0.5)
+    assert story.core.is_ready(story.now) and not switches(story)
+
+
+def test_an_arm_whose_controller_starts_late_and_whose_links_flap_is_powered_and_enabled_once():
+    story = unseen()
+    for _ in range(3):
+        story.core.failed(Port.COMMAND, "connection refused", story.now)
+        story.run(1.0)
+    for _ in range(3):
+        story.core.opened(Port.COMMAND, story.now)
+        story.perform()
+        story.core.closed(Port.COMMAND, "cut", story.now)
+        story.core.opened(Port.STATUS, story.now)
+        story.perform()
+        story.run(0.1)
+        story.core.closed(Port.STATUS, "cut", story.now)
+        story.feed = False
+        story.run(1.0)
+        story.feed = True
+    assert story.core.link_losses >= 3 and not switches(story)
+    story.connect()
+    story.run(0.2)
+    story.fields["powered_on"] = 1
+    story.run(0.2)
+    assert switches(story) == ["power_on", "enable_robot"]
 
 
 def test_an_arm_without_drives_is_not_moved():

@@ -40,6 +40,9 @@ BURST_WINDOW = 0.04
 """Time, s, in which a stream has 5 cycles, a late frame at its begin, and one at each end."""
 BURST_FRAMES = 8
 """Besides as many as are sent ahead: a reserve is filled, or filled again, at once."""
+_CALLS_OF_POWER = tuple([(name, on) for name in ("power", "enable") for on in (True, False)] + [
+    ("clear_error", None), ("recover", None)])
+"""The calls that end ``auto_enable`` for good."""
 _STEPS_OF_RECOVERY = ("clear_error", "power_on", "enable_robot")
 _SAME = 1e-6
 _WIRE_ROUNDING = 2e-6
@@ -119,6 +122,8 @@ class SentRules:
             self._auto = self._orders
             return
         self.open_calls[call.number] = call
+        if call.kind == "stop" or call.command in _CALLS_OF_POWER:
+            self._auto = None  # whether the arm was seen before or not
         if call.kind == "point":
             self.points.came(call.command.position, call.given_at)
         if call.kind == "stop":
