@@ -7,7 +7,7 @@ import enum
 import math
 from typing import Callable, Optional, Set
 
-from jaka_ros_driver.client.core.stillness import Stillness
+from jaka_ros_driver.client.core.stillness import SURE_REST_S, Stillness
 from jaka_ros_driver.commands import Command, JogStop, Stop, whole_stop
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol import codec
@@ -22,8 +22,10 @@ CONFIRM_AFTER_S = 0.5
 """Time, s, after an accepted stop until it is sent again where the arm is not seen at rest."""
 BLIND_STOPS = 3
 """Number of accepted stops that suffice where the status feed cannot be read."""
-STILL_FOR_S = 0.12
-"""Stillness, s, in the status feed after which the arm counts as at rest."""
+STILL_FOR_S = SURE_REST_S
+"""Stillness, s, in the status feed after which the arm counts as at rest: how fast it was moved is not known."""
+_STILL_FOR_NOW_S = 0.12
+"""Stillness, s, after which the arm may be at rest: no other stop is sent, and it is left to a driver that is back."""
 _BLIND_AFTER_S = 0.5
 _CONNECT_TIMEOUT_S = 1.0
 _REPLY_TIMEOUT_S = 1.0
@@ -94,13 +96,13 @@ class Stopping:
 
     def step(self, now: float, driver: DriverCondition) -> Step:
         """Return the next step."""
-        if self._has_ended(now):
+        if self._has_ended(now, driver):
             return Step.FINISH
         if self._link is _Link.UP:
             return self._step_on_the_link(now)
         if self._link is _Link.CONNECTING:
             return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT_S else Step.WAIT
-        if now < self._next_at:
+        if now < self._next_at or self._may_rest(now):
             return Step.WAIT
         if driver is DriverCondition.BACK:
             self._log("the driver is back and sees to the arm itself")
@@ -123,7 +125,7 @@ class Stopping:
         late = self._exchange.overdue(now)
         if late is not None:
             return self._hang_up("no reply to %s" % late.name, True, now)
-        if len(self._exchange) or now < self._next_at:
+        if len(self._exchange) or now < self._next_at or self._may_rest(now):
             return Step.WAIT
         if self._acceptances and self._is_seen(now):
             self._log_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
@@ -133,8 +135,9 @@ class Stopping:
         self.failed("command port: " + reason, is_turned_away, now)
         return Step.HANG_UP
 
-    def _has_ended(self, now: float) -> bool:
-        is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR_S
+    def _has_ended(self, now: float, driver: DriverCondition) -> bool:
+        still_for = _STILL_FOR_NOW_S if driver is DriverCondition.BACK else STILL_FOR_S
+        is_still = self._stillness.duration(self._accepted_at) >= still_for
         if is_still and (self._acceptances or self._has_no_drives):
             self.has_seen_rest = True
             self._log("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
@@ -148,6 +151,11 @@ class Stopping:
         else:
             return False
         return True
+
+    def _may_rest(self, now: float) -> bool:
+        """Return whether the arm has looked still since an accepted stop; one that creeps may look so for a while."""
+        return self._acceptances > 0 and self._is_seen(now) and (
+            self._stillness.duration(self._accepted_at) >= _STILL_FOR_NOW_S)
 
     def _is_seen(self, now: float) -> bool:
         return now - self._seen_at <= _BLIND_AFTER_S

@@ -8,7 +8,7 @@ from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import RobotState
 
 PERIOD = 0.008
-STILL_FOR_S, LOCKED_OUT_AFTER_S, GIVE_UP_AFTER_S = 0.12, 0.25, 60.0
+STILL_FOR_S, LOCKED_OUT_AFTER_S, GIVE_UP_AFTER_S = 0.8, 0.25, 60.0
 """The figures in docs/safety.md."""
 REFUSED = "command port: connection refused"
 
@@ -107,6 +107,18 @@ def test_a_slow_arm_is_not_at_rest(story):
         story.send()
         story.reply()
     assert story.until(Step.FINISH, speed=0.0) < 2 * STILL_FOR_S
+
+
+@pytest.mark.parametrize("speed", [0.00035, 0.0005, 0.0006, 0.001, 0.0015, 0.002])
+def test_an_arm_that_creeps_on_after_an_accepted_stop_is_stopped_again_and_never_at_rest(story, speed):
+    story.connect()
+    story.send()
+    story.reply()
+    for _ in range(10):
+        assert 0.4 < story.until(Step.SEND, speed=speed) < 1.4
+        story.send()
+        story.reply()
+    assert not story.stopping.has_seen_rest
 
 
 def test_it_gives_up_after_a_minute_of_an_arm_that_moves_on(story):

@@ -6,6 +6,11 @@ from jaka_ros_driver.state import RobotState, Vector
 
 REST_TIME_S = 0.08
 """Stillness, s, of the joints after which the arm counts as at rest."""
+SURE_REST_S = 0.8
+"""Stillness, s, in which the slowest motion that is taken (``limits.SLOWEST``, of joints or tool) is seen to move.
+
+It is what counts where nothing else shows that a motion has ended: an arm that creeps may look still for half of it.
+"""
 MOVEMENT = 2e-4
 """Distance, rad (0.011 deg), of a joint from where it was first seen above which it has moved."""
 _CREEP_FACTOR = 2.0
@@ -15,8 +20,9 @@ _LONGEST_STEP_S = 0.6
 """Time, s, for one ``MOVEMENT`` above which an arm that rests before and afterwards has twitched.
 
 One that needs less may creep: it counts as at rest when it has been still clearly longer than it was before that step.
-So 0.0005 rad/s, with a step every 0.4 s, is never rest. At the usual end of a motion the last step took less than 0.04
-s, which changes nothing.
+So 0.0005 rad/s, with a step every 0.4 s, is no rest once two steps of it were seen; before that, as behind a faster
+motion, only ``SURE_REST_S`` tells it from rest. At the usual end of a motion the last step took less than 0.04 s, which
+changes nothing.
 """
 LONGEST_GAP_S = 0.6
 """Longest gap, s, between two frames across which anything is known."""

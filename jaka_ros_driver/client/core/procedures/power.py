@@ -99,7 +99,7 @@ def auto_enable(core: ArmCore) -> Procedure:
     """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
 
     It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good,
-    also before the arm is seen. Links that are lost until then do not count: the controller may start behind the driver.
+    also before the arm is seen. Links lost until then do not count: the controller may start later than the driver.
     """
     others = core.disturbances - core.link_losses
 
@@ -107,8 +107,8 @@ def auto_enable(core: ArmCore) -> Procedure:
         return core.disturbances - core.link_losses != others
     yield Until(lambda now: is_called_off() or core.is_ready(now), _NEVER)
     if is_called_off():
-        core.actions.log(logging.WARNING, "auto_enable: a stop, a call or a fault came before the arm was seen, and it is "
-                                          "left as it is")
+        core.actions.log(logging.WARNING, "auto_enable: a stop, a call or a fault came before the arm was seen, and it "
+                                          "is left as it is")
         return
     disturbances = core.disturbances
     state = yield from _state(core)
