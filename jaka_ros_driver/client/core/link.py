@@ -23,6 +23,7 @@ class PortLink:
     the pause before the next try doubles up to 0.5 s.
 
     Attributes:
+        is_wanted: True from ``start`` to ``stop``: it is connected, or will be.
         is_up: True while it is connected.
         connections: How often it has been connected.
         losses: How often a connection that was up has ended, other than by ``stop``.
@@ -37,6 +38,7 @@ class PortLink:
         self._way = 0.0
         self._opened_at = self._ended_at = 0.0
         self._is_stopped = False
+        self.is_wanted = False
         self.is_up = False
         self.connections = 0
         self.losses = 0
@@ -45,13 +47,13 @@ class PortLink:
 
     def start(self, now: float) -> None:
         """Ask for a connection, unless there is one."""
-        self._is_stopped = False
+        self._is_stopped, self.is_wanted = False, True
         if not self.is_up:
             self.retry_at = now
 
     def stop(self, reason: str) -> None:
         """Close the connection; ask for no more."""
-        self._is_stopped = True
+        self._is_stopped, self.is_wanted = True, False
         self.retry_at = _NEVER
         self._actions.add(Close(self._port, reason))
         self.is_up = False

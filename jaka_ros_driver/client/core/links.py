@@ -358,9 +358,11 @@ class Links:
         self._custody.link_lost(reason, now)
         if was_ready:
             self._on_link_lost("the link was lost")
-        if self._settings.simulator and self._status.is_up:
-            self._status.stop("it is not known whose it is")
-            self._sight_lost(reason, now)
+        if self._settings.simulator and self._status.is_wanted:
+            was_up = self._status.is_up
+            self._status.stop("it is not known whose it is")  # also where it is still connecting
+            if was_up:
+                self._sight_lost(reason, now)
 
     def _is_believed(self, state: RobotState) -> bool:
         """Return whether a frame that has come in time may be taken for true; joints that jump may not.

@@ -438,3 +438,26 @@ def test_a_move_waits_a_second_and_a_half_for_an_arm_that_somebody_else_moves():
     assert story.error("move") == "pending" and story.count("joint_move") == 0
     story.run(0.3, move=10.0)
     assert isinstance(story.error("move"), InvalidCommand) and story.count("joint_move") == 0
+
+
+@pytest.mark.parametrize("is_up", [False, True])
+def test_the_feed_of_a_controller_that_is_not_identified_any_more_is_closed_also_while_it_connects(is_up):
+    story = Story(ready=False, simulator="twin")
+    story.extra["get_simulator_identity"] = {"identity": "twin"}
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    story.core.tick(story.now)
+    story.perform()
+    assert len(opens(story, Port.STATUS)) == 1
+    if is_up:
+        story.core.opened(Port.STATUS, story.now)
+    story.core.closed(Port.COMMAND, "cut", story.now)
+    story.perform()
+    assert closes(story) == [Port.STATUS]
+    story.feed = False
+    story.extra["get_simulator_identity"] = {"identity": "another"}
+    story.run(0.6)
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    story.run(0.6)
+    assert len(opens(story, Port.STATUS)) == 1 and story.core.state is None
