@@ -22,7 +22,7 @@ from jaka_ros_driver.client.core.contradictions import (
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.motion_guard.motion_check import MotionCheck
 from jaka_ros_driver.client.core.phases import Event, Phase, transition
-from jaka_ros_driver.client.core.stillness import ALL_SHOWN, REST_TIME_S, Shown, Stillness
+from jaka_ros_driver.client.core.stillness import ALL_SHOWN, REST_TIME_S, SURE_REST_S, Shown, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import SERVO_END_REPLY, STOP_REPLY, SetLinkLoss, whole_stop
 from jaka_ros_driver.errors import (
@@ -44,6 +44,9 @@ _ANSWER_AFTER_S = 1.0
 """Longest time, s, until callers of a motion whose stop is not accepted are answered."""
 _CAUSE_TIME_S = 0.1
 """Time, s, within which the status feed may show why the controller has refused a frame."""
+_ORDINARY_ENDS = (StopCause.STOPPED, StopCause.CANCELLED, StopCause.REPLACED, StopCause.SHUTDOWN,
+                  StopCause.MOTION_GUARD)
+"""Reasons to stop that show nothing of an arm that does not do as it is told."""
 _LOG_PERIOD_S = 1.0
 _NEVER = float("inf")
 
@@ -87,6 +90,7 @@ class Custody:
         self._outstanding = 0
         self._accepted_at: Optional[float] = None
         self._moves_on = False
+        self._is_in_doubt = False
         self._retry_at = _NEVER
         self._logged_at = -_NEVER
         self._knows_link_loss = True
@@ -244,7 +248,7 @@ class Custody:
             if self.stillness.has_moved_since(self._began_at):
                 self._enter(Event.MOVES_ON)
                 self._begin_stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
-            elif self.rest_since(self._began_at) >= REST_TIME_S:
+            elif self.rest_since(self._began_at) >= self._rest_time:
                 if motion.may_be_left(state):
                     self._enter(Event.AT_REST)
                     self._release(now)
@@ -264,13 +268,17 @@ class Custody:
             coasts_until = self._sent_at + max(_COASTING_TIME_S, motion.rest_time)
             goes_on = now >= coasts_until and motion.goes_on(state)
             if self.rest_since(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
-                self._enter(Event.AT_REST)
-                self._release(now)
+                if self._outcome is not None:
+                    self._answer_end()
+                if self.rest_since(self._accepted_at) >= self._rest_time:
+                    self._enter(Event.AT_REST)
+                    self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
                 self._log(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
                     "moves on" if self.stillness.has_moved_since(coasts_until) else "rests, and %s goes on"
                     % motion.name), now)
                 self._enter(Event.MOVES_ON)
+                self._is_in_doubt = self._is_in_doubt or self.stillness.has_moved_since(coasts_until)
                 self._accepted_at, self._moves_on = None, True
                 self._send_stop(now)
 
@@ -323,11 +331,13 @@ class Custody:
         """Stop a motion after the status feed is lost or unreadable: it would go on unseen."""
         self.stillness.lose_sight()
         self._jumps.lose_sight()
+        self._is_in_doubt = True
         self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
 
     def link_lost(self, reason: str, now: float) -> None:
         """Take note that the command port is lost: the stop is the first message on the next connection."""
         self._outstanding = 0
+        self._is_in_doubt = True
         if self._phase in (Phase.HELD, Phase.SETTLING):
             self._began_at = now
         if self._enter(Event.LINK_LOST) and not self._is_answered:
@@ -356,6 +366,7 @@ class Custody:
         self.motion = motion
         self._outcome, self._is_answered, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
+        self._is_in_doubt = False
         self._watch = Watch(motion.owner, self._state)
         self._held_since = now
         motion.is_beside_program = self._state is not None and self._state.program_state == ProgramState.PAUSED
@@ -364,6 +375,7 @@ class Custody:
     def _begin_stop(self, outcome: Optional[MotionInterrupted], now: float, is_guess: bool = False) -> None:
         """Send the first stop of this motion, which ends with this outcome."""
         self._outcome, self._began_at, self._is_guess = outcome, now, is_guess
+        self._is_in_doubt = self._is_in_doubt or (outcome is not None and outcome.cause not in _ORDINARY_ENDS)
         if outcome is not None and outcome.cause is not StopCause.STOPPED:
             self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
         self._send_stop(now)
@@ -408,7 +420,7 @@ class Custody:
             if not self._is_guess and not self._waits_for_rest:
                 self._answer_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
-            self._retry_at = now + _RETRY_PERIOD_S
+            self._retry_at, self._is_in_doubt = now + _RETRY_PERIOD_S, True
             self._log(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
 
     def _look_for_the_cause(self, state: RobotState, now: float) -> None:
@@ -419,6 +431,15 @@ class Custody:
             self._is_guess = False
             if self._accepted_at is not None and not self._waits_for_rest:
                 self._answer_end()
+
+    @property
+    def _rest_time(self) -> float:
+        """The stillness, s, that ends custody: one in which any arm that creeps is seen, where that may be one.
+
+        At the usual end of a motion its own time suffices, for the next one waits for it.
+        """
+        assert self.motion is not None
+        return max(self.motion.rest_time, SURE_REST_S) if self._is_in_doubt else self.motion.rest_time
 
     @property
     def _waits_for_rest(self) -> bool:

@@ -5,12 +5,12 @@ from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.stillness import REST_TIME_S, SURE_REST_S
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState, Vector
 
 _REST_TIME_S = 0.5
-"""Stillness, s, of the joints after which such a motion counts as over: its speed is not known."""
+"""Stillness, s, of the joints after which a motion in nobody's custody counts as over."""
 _NOTICED = 2e-3
 """Distance, rad (0.11 deg), of a joint from its place of rest above which it moves; opening brakes move it by less."""
 _LONGEST_GAP_S = 0.6
@@ -38,7 +38,7 @@ class LeftBehind(ArmMotion):
     """A motion that a dead driver left: all that is known of it is how to stop it."""
 
     owner = MotionOwner.LEFT
-    rest_time = _REST_TIME_S
+    rest_time = SURE_REST_S  # its speed is not known
 
     def __init__(self, left: LeftMotion) -> None:
         self.left = left

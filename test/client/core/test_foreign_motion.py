@@ -88,7 +88,7 @@ def test_what_a_dead_driver_left_moving_is_stopped_as_the_first_word_with_its_ax
     assert story.names()[:3] == WHOLE_STOP[:3] and (jog["jog_mode"], jog["coord_map"], jog["jnum"]) == (0, 2, 2)
     story.run(0.3, move=9.0, **MOVING)
     assert story.core.motion_owner is MotionOwner.LEFT and not story.core.is_motion_possible(story.now)
-    story.run(0.6)
+    story.run(0.9)
     assert story.core.is_motion_possible(story.now)
     assert story.core.is_free and story.told == [True, False] and story.core.foreign_motion == ""
     assert not {"power_on", "enable_robot", "clear_error", "joint_move", "resume_program"} & set(story.names())

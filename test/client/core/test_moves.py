@@ -185,7 +185,7 @@ def test_what_contradicts_the_move_stops_it_and_names_itself(fields, cause):
     story.frame(**fields)
     assert story.cause("move") is cause and story.count("stop_program") == 1
     assert not story.core.is_free and story.told == [True]
-    story.run(0.2)
+    story.run(0.9)
     assert story.core.is_free and story.told[-1] is False
 
 
@@ -275,7 +275,7 @@ def test_a_reply_that_does_not_come_ends_the_link_and_the_stop_is_the_next_ones_
     del story.sent[:]
     story.connect()
     assert story.names()[:8] == WHOLE_STOP
-    assert story.run(0.2).core.is_free
+    assert story.run(0.9).core.is_free
 
 
 def test_moves_that_are_not_waited_for_are_queued_and_answered_on_acceptance():

@@ -124,7 +124,8 @@ def test_the_next_segment_is_sent_when_the_one_before_was_accepted_and_none_afte
     story.reply("moveL", "2")
     assert story.count("moveL") == 2 and story.count("stop_program") == 1
     story.run(0.5)
-    assert story.cause("path") is StopCause.FAULT and "moveL" in str(story.error("path")) and story.core.is_free
+    assert story.cause("path") is StopCause.FAULT and "moveL" in str(story.error("path"))
+    assert story.run(0.5).core.is_free
 
 
 def test_a_refusal_of_the_first_segment_is_told_and_stops_nothing():
@@ -155,7 +156,7 @@ def test_what_ends_it_is_told_with_how_far_it_came_when_the_arm_rests(how):
     assert "1 of 4 segments completed, 40." in str(error)
     assert story.cause("path") is {"stop": StopCause.STOPPED, "cancel": StopCause.CANCELLED, "fault": StopCause.FAULT,
                                    "emergency stop": StopCause.EMERGENCY_STOP}[how]
-    assert story.core.is_free and story.count("moveL") == 4
+    assert story.run(0.6).core.is_free and story.count("moveL") == 4
     story.fields.clear()
     assert story.run(2.0).count("moveL") == 4, "nothing resumes"
 

@@ -5,7 +5,8 @@ import random
 import pytest
 
 from jaka_ros_driver.client.core.motion import rest_time_at
-from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S, Stillness
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S, SURE_REST_S, Stillness
+from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.state import RobotState
 
 PERIOD = 0.008
@@ -85,14 +86,14 @@ NOISE = 2e-5
 QUANTUM = math.radians(1e-4)
 
 
-def rests(angle, period, seconds, noise=0.0, is_still=Stillness):
+def rests(angle, period, seconds, noise=0.0, is_still=Stillness, rest_time=REST_TIME_S):
     """Return when an arm counts as at rest, whose joint 1 is at ``angle(t)``, as the feed writes it."""
     chance, stillness, found = random.Random(1), is_still(), []
     for n in range(int(seconds / period)):
         told = [q + chance.uniform(-noise, noise) for q in (angle(n * period), 0.5)]
         joints = [round(q / QUANTUM) * QUANTUM for q in told] + [0.0] * 4
         stillness.observe(RobotState(tuple(joints), True, True, True, False, False, received_at=100.0 + n * period))
-        if stillness.duration() >= REST_TIME_S:
+        if stillness.duration() >= rest_time:
             found.append(n * period)
     return found
 
@@ -100,9 +101,21 @@ def rests(angle, period, seconds, noise=0.0, is_still=Stillness):
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 @pytest.mark.parametrize("period", [0.008, 0.03, 0.1])
 @pytest.mark.parametrize("speed", [0.0005, 0.0007, 0.001, 0.0024])
-def test_an_arm_that_creeps_does_not_rest(speed, period, noise):
+def test_an_arm_whose_creep_was_seen_does_not_rest(speed, period, noise):
     rested = rests(lambda t: speed * t, period, 30.0, noise)
     assert not [t for t in rested if t > 1.2], rested[:5]
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("period", [0.008, 0.03, 0.1])
+@pytest.mark.parametrize("speed", [0.00035, 0.0005, 0.0007, 0.001, 0.0015, 0.0024])
+def test_an_arm_that_creeps_never_rests_for_long_also_behind_a_fast_motion(speed, period, noise):
+    rested = rests(lambda t: 0.5 * min(t, 1.0) + speed * t, period, 30.0, noise, rest_time=SURE_REST_S)
+    assert not rested, rested[:5]
+
+
+def test_the_slowest_motion_that_is_taken_moves_twice_in_the_time_of_sure_rest():
+    assert SURE_REST_S >= 2.0 * MOVEMENT / limits.SLOWEST and SURE_REST_S > 0.5 * rest_time_at(limits.SLOWEST, True)
 
 
 @pytest.mark.parametrize("period", [0.008, 0.03, 0.1])

@@ -1,6 +1,6 @@
 """Stops: delivered at once, repeated until accepted and seen, and ending only what was asked before them."""
 import pytest
-from stories import HOME, WHOLE_STOP, Story
+from stories import HOME, PERIOD, WHOLE_STOP, Story
 
 from jaka_ros_driver.client.core.actions import Open, Port
 from jaka_ros_driver.commands import Jog, JogFrame, JointMove, SetEnabled
@@ -66,7 +66,7 @@ def test_the_repeated_stop_of_an_arm_that_moves_on_is_owed_as_the_first_one_was(
     story.core.opened(Port.COMMAND, story.now)
     story.perform()
     assert story.names()[:2] == ["servo_move", "stop_program"]
-    assert story.run(0.2).core.is_free
+    assert story.run(0.9).core.is_free
 
 
 @pytest.mark.parametrize("motion", [
@@ -93,7 +93,7 @@ def test_a_refused_stop_is_told_and_repeated_until_it_is_accepted():
     story.replies["stop_program"] = "0"
     story.run(0.1)
     assert story.cause("move") is StopCause.STOPPED
-    assert story.run(0.2).core.is_free
+    assert story.run(0.9).core.is_free
 
 
 def test_who_waits_for_a_motion_that_cannot_be_stopped_is_told_within_a_second():
@@ -154,7 +154,7 @@ def test_a_lost_link_stops_the_arm_and_keeps_it_in_custody(lost):
     if lost is Port.COMMAND:
         assert story.names()[:8] == WHOLE_STOP
     story.feed = True
-    story.run(0.3)
+    story.run(0.9)
     assert story.core.is_free
 
 
@@ -369,3 +369,66 @@ def test_a_retry_that_is_due_on_a_lost_link_asks_for_no_ticks_without_end():
     story.core.closed(Port.COMMAND, "cut", story.now)
     story.run(0.1, move=1.0)
     assert story.core.custody.deadline > story.now
+
+
+# ---- an arm that creeps on ----
+
+def refused(story):
+    story.replies["stop_program"] = "2"
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.run(0.1, move=9.0, speed=0.5, inpos=False)
+    story.replies.clear()
+
+
+def out_of_sight(story):
+    story.core.closed(Port.STATUS, "cut", story.now)
+    story.perform()
+    story.core.opened(Port.STATUS, story.now)
+    story.perform()
+
+
+DOUBTS = [
+    lambda story: story.run(PERIOD, protective_stop=1), lambda story: story.run(PERIOD, errcode="0xf0017"),
+    lambda story: story.run(PERIOD, enabled=False), refused, out_of_sight,
+    lambda story: (story.core.stop("stop", story.now), story.perform(), out_of_sight(story)),
+    lambda story: (story.core.closed(Port.COMMAND, "cut", story.now), story.perform(), story.run(PERIOD),
+                   story.core.opened(Port.COMMAND, story.now), story.perform())]
+"""What stops a motion for another reason than that it has come to its end, or that a call has asked for it."""
+
+
+@pytest.mark.parametrize("speed", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("doubt", DOUBTS, ids=["protective stop", "fault", "disabled", "refused", "unseen",
+                                               "unseen in a stop", "without a link"])
+def test_an_arm_that_creeps_on_behind_a_stop_in_doubt_stays_in_custody_and_is_stopped_again(doubt, speed):
+    story = Story()
+    story.core.move("move", JointMove((2.0,) + HOME[1:], 1.0, 1.0), False, story.now, "end")
+    story.perform()
+    story.run(0.3, move=2.0, inpos=False)
+    doubt(story)
+    for _ in range(500):
+        story.run(PERIOD, move=9.0, speed=speed, inpos=False)
+        assert not story.core.is_free
+    assert story.count("stop_program") >= 3
+    story.run(1.0)
+    assert story.core.is_free and isinstance(story.error("end"), MotionInterrupted)
+
+
+def test_after_a_stop_that_was_asked_for_and_obeyed_the_next_motion_does_not_wait_for_long():
+    story = Story()
+    story.core.move("move", JointMove((2.0,) + HOME[1:], 1.0, 1.0), False, story.now)
+    story.perform()
+    story.run(0.3, move=2.0, inpos=False)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.run(0.15)
+    assert story.core.is_free
+
+
+def test_a_refused_motion_that_creeps_on_is_stopped():
+    story = Story()
+    story.replies["jog"] = "2"
+    story.core.jog("jog", Jog(JogFrame.JOINT, 0, 0.001), story.now)
+    story.perform()
+    story.run(0.6, move=9.0, speed=0.001, inpos=False)
+    assert story.count("stop_program") >= 1

@@ -188,7 +188,7 @@ def test_a_lost_link_ends_it_and_nothing_resumes(port):
     pad.story.core.opened(port, pad.story.now)
     pad.story.perform()
     pad.story.feed = True
-    pad.wait(0.7, WISH)
+    pad.wait(1.0, WISH)
     assert pad.story.count("stop_program") == 1 and len(pad.frames()) == count and pad.story.core.is_free
     pad.jogging()
 

@@ -206,7 +206,7 @@ def test_a_stop_that_is_refused_is_repeated(make, refusals):
     began = arm.now
     stop = arm.begin("stop")
     assert isinstance(stop.error, JakaError) and "call stop_program failed" in str(stop.error)
-    arm.run(0.05 * refusals + BRAKES_IN + 0.2)
+    arm.run(0.05 * refusals + BRAKES_IN + 0.9)
     assert arm.stops == pytest.approx([began + 0.05 * turn for turn in range(refusals + 1)], abs=1e-6)
     assert move.error.cause in (StopCause.STOPPED, StopCause.TIMEOUT)  # after 1 s: "the stop is not accepted"
     assert at_rest_and_free(arm)
