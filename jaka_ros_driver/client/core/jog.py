@@ -26,18 +26,20 @@ class JogMotion(ArmMotion):
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: Jog, call: Token, look: Look) -> None:
+    def __init__(self, custody: Custody, command: Jog, call: Token, called_at: float, look: Look) -> None:
         """Set up the motion.
 
         Args:
             custody: Of this motion.
             command: What begins it.
             call: Answered with the controller's acceptance.
+            called_at: When it came, s; it may have waited for the arm since then.
             look: Of the motion guard.
         """
         self.command = command
         self.jog_stop = JogStop(command.frame, command.axis)
         self._custody = custody
+        self.deadline = called_at + custody.settings.jog_timeout
         self._calls: List[Token] = [call]
         self._accepted_at: Optional[float] = None
         self._start: Optional[Vector] = None
@@ -46,12 +48,11 @@ class JogMotion(ArmMotion):
         self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
 
     def begin(self, now: float) -> None:
-        self.deadline = now + self._custody.settings.jog_timeout
         self._custody.channel.request(self.command, now, lambda _, error, at: self._replied(error, at))
 
-    def again(self, call: Token, now: float) -> None:
-        """Restart the watchdog for another call."""
-        self.deadline = now + self._custody.settings.jog_timeout
+    def again(self, call: Token, called_at: float) -> None:
+        """Restart the watchdog for another call, which came at ``called_at``, s."""
+        self.deadline = max(self.deadline, called_at + self._custody.settings.jog_timeout)
         if self._accepted_at is None:
             self._calls.append(call)
         else:

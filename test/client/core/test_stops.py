@@ -7,6 +7,7 @@ from jaka_ros_driver.commands import Jog, JogFrame, JointMove, SetEnabled
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
+    InvalidCommand,
     JakaError,
     MotionInterrupted,
     ReplyTimeout,
@@ -432,3 +433,38 @@ def test_a_refused_motion_that_creeps_on_is_stopped():
     story.perform()
     story.run(0.6, move=9.0, speed=0.001, inpos=False)
     assert story.count("stop_program") >= 1
+
+
+# ---- a jog that waits for the arm ----
+
+def stops_after(story, began):
+    """Return how long after ``began``, s, each stop went out that followed the jog's own begin."""
+    begin = next(n for n, (_, request) in enumerate(story.sent)
+                 if request["cmdName"] == "jog" and request["jog_mode"] == 1)
+    return [at - began for at, request in story.sent[begin:] if request["cmdName"] == "stop_program"]
+
+
+@pytest.mark.parametrize("calls", [(0.0,), (0.0, 0.2, 0.4), (0.0, 0.2, 2.0)])
+def test_a_jog_that_waited_for_the_arm_is_stopped_its_time_after_the_last_call_too(calls):
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.perform()
+    began = story.now
+    for n in range(300):  # the arm coasts for 0.45 s
+        if [call for call in calls if n * PERIOD <= call < (n + 1) * PERIOD]:
+            story.core.jog(("jog", n), JOG, story.now)
+            story.perform()
+        story.run(PERIOD, move=2.0, speed=0.1 if n < 56 else 0.0 if n < 75 else 0.3, **MOVING)
+    story.run(3.0, move=9.0, speed=0.3, **MOVING)
+    assert stops_after(story, began)[0] == pytest.approx(calls[-1] + 3.0, abs=0.05)
+
+
+def test_a_jog_whose_time_is_over_when_the_arm_rests_does_not_begin():
+    story = under_way(jog_timeout=0.4)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.core.jog("jog", JOG, story.now)
+    story.perform()
+    story.run(0.45, move=2.0, speed=0.1, **MOVING).run(0.3)
+    assert isinstance(story.error("jog"), InvalidCommand)
+    assert not [request for _, request in story.sent if request["cmdName"] == "jog" and request["jog_mode"] == 1]

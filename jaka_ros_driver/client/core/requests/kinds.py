@@ -235,7 +235,7 @@ class JogRequest(_MotionRequest):
     def join(self, now: float) -> bool:
         running = self._arm.running(JogMotion)
         if running is not None and running.command == self._command:
-            running.again(self.call, now)
+            running.again(self.call, self.asked_at)
             return True
         if running is not None:
             self._arm.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), now)
@@ -243,11 +243,14 @@ class JogRequest(_MotionRequest):
 
     def begin(self, now: float) -> None:
         custody, state = self._arm.custody, self._state(now)
+        if now - self.asked_at >= custody.settings.jog_timeout:
+            raise InvalidCommand("refused: the arm has come to rest %.1f s after the call of the jog, too late for it"
+                                 % (now - self.asked_at))
         look, speeds = custody.motion_check.look(), custody.motion_check.jog_speeds(self._command, state)
         trouble = "" if speeds is None else look(way_ahead(state.joint_position, speeds))
         if trouble:
             raise InvalidCommand("refused: where the jog would lead, " + trouble)
-        custody.begin(JogMotion(custody, self._command, self.call, look), now)
+        custody.begin(JogMotion(custody, self._command, self.call, self.asked_at, look), now)
 
 
 class ServoModeRequest(_MotionRequest):
