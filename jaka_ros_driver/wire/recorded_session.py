@@ -12,7 +12,7 @@ from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.protocol.framing import encode_object
+from jaka_ros_driver.protocol.framing import MAX_OBJECT_BYTES, encode_object
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.units import NS_PER_S
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
@@ -25,6 +25,12 @@ _CAUSES = frozenset((
 """The requests whose effect is visible in the status feed."""
 
 
+_FIRST_LOOK = 512
+"""Characters of an object that are looked at first."""
+_LONGEST_TOKEN = 16
+"""Characters before the end of a piece in which an error may come of a token that is cut off there."""
+_TOO_DEEP = 500
+"""Characters passed over where an object is nested deeper than Python reads: each level takes one at least."""
 OF_THE_PRESENT = "get_joint_pos"
 """The question that a replay refuses: a recorded answer is not true of the moment at which it is asked."""
 _OF_STATE = "get_robot_state"
@@ -83,16 +89,38 @@ def cut_objects(pieces: Sequence[Piece]) -> List[Tuple[float, bytes, Dict[str, A
     found: List[Tuple[float, bytes, Dict[str, Any]]] = []
     begin = position = 0
     while (position := text.find("{", position)) >= 0:
-        try:
-            value, end = decoder.raw_decode(text, position)
-        except ValueError:
-            position += 1
+        value, end = _object_at(text, position, decoder)
+        if value is None:
+            position = end
             continue
         if text[end:end + 1] == "\n":
             end += 1
         found.append((pieces[bisect.bisect_left(ends, end)].at, raw[begin:end], value))
         begin = position = end
     return found
+
+
+def _object_at(text: str, begin: int, decoder: json.JSONDecoder) -> Tuple[Optional[Dict[str, Any]], int]:
+    """Return the object that begins there, and its end; None, and where to look on, where there is none.
+
+    It looks at a short piece first, at a longer one where that is cut off: a decoder that fails counts the lines of all
+    that it was given, which for each brace of a long text is too much.
+    """
+    size = _FIRST_LOOK
+    while True:
+        piece = text[begin:begin + size]
+        try:
+            value, length = decoder.raw_decode(piece)
+            return value, begin + length
+        except RecursionError:
+            return None, begin + _TOO_DEEP
+        except json.JSONDecodeError as error:
+            is_cut_off = error.pos >= len(piece) - _LONGEST_TOKEN or error.msg.startswith("Unterminated string")
+            if not is_cut_off or begin + size >= len(text) or size >= MAX_OBJECT_BYTES:
+                return None, begin + 1
+            size *= 8
+        except ValueError:  # a number with more digits than Python reads
+            return None, begin + 1
 
 
 class Replies:

@@ -1,5 +1,6 @@
 """A wire log as a script: pieces at their times, replies by name and number."""
 import json
+import time
 
 import pytest
 
@@ -89,3 +90,23 @@ def test_questions_about_the_present_are_not_answered_from_another_moment():
     assert b'"errorCode": "1"' in replies.next("get_joint_pos", 1.0).data
     assert [replies.next("get_robot_state", at).data for at in (0.0, 4.9, 5.1, 5.2)] == [b"off", b"off", b"on", b"on"]
     assert not replies.unanswered
+
+
+@pytest.mark.parametrize("damage", [b'{"a":' * 3000, b'{"a":' * 96000, b'{"":1,' * 80000, b'{"a":"' + b"{" * 80000,
+                                    b'{"a":[1,' * 60000], ids=["deep", "deeper", "many", "a long text", "lists"])
+def test_damage_of_any_kind_is_cut_in_a_moment_and_what_follows_it_is_found(damage):
+    reply = b'{"cmdName":"x","errorCode":"0"}\n'
+    begun = time.process_time()
+    found = cut_objects([Piece(0.0, reply), Piece(1.0, damage + b'"}' + b" " * 2000), Piece(2.0, reply)])
+    assert time.process_time() - begun < 5.0
+    assert found[0] == (0.0, reply, {"cmdName": "x", "errorCode": "0"})
+    assert found[-1][0] == 2.0 and found[-1][2] == {"cmdName": "x", "errorCode": "0"}
+    assert b"".join([raw for _, raw, _ in found]) == reply + damage + b'"}' + b" " * 2000 + reply
+
+
+@pytest.mark.parametrize("size", [*range(480, 540), 4096, 40000, 300000])
+def test_an_object_is_read_however_long_it_is(size):
+    value = {"cmdName": "x", "text": "\u00e9\\" * (size // 12),
+             "numbers": [-1.25e-7, 1234567890123, True, None] * (size // 60)}
+    raw = json.dumps(value).encode()
+    assert [found for _, _, found in cut_objects([Piece(0.0, b"{" + raw + b"{")])] == [value]
