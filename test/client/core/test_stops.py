@@ -395,7 +395,7 @@ DOUBTS = [
     lambda story: (story.core.stop("stop", story.now), story.perform(), out_of_sight(story)),
     lambda story: (story.core.closed(Port.COMMAND, "cut", story.now), story.perform(), story.run(PERIOD),
                    story.core.opened(Port.COMMAND, story.now), story.perform())]
-"""What stops a motion for another reason than that it has come to its end, or that a call has asked for it."""
+"""Stops of a motion for another reason than that it has come to its end, or that a call has asked for it."""
 
 
 @pytest.mark.parametrize("speed", [0.0005, 0.001, 0.002])
