@@ -1,7 +1,7 @@
 """The dead-man of a velocity jog: which messages count, and when it is released. It has no clock.
 
-Silence, an old or repeated stamp, a message that cannot be understood, a second publisher: each releases it, and from
-then on nothing counts until a message of zero velocity has come.
+Silence, a message that cannot be understood, a second publisher: each releases it, and from then on nothing counts
+until a message of zero velocity has come. Messages with an old or repeated stamp do not count: they are silence.
 """
 from typing import Dict, NamedTuple, Optional
 
