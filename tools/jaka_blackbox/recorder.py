@@ -84,7 +84,7 @@ class BlackBox:
         watch: Finds triggers in messages.
         open_file: Begins a file of this path without suffix, of which the account is what the function gives.
         streams: Gives all streams so far.
-        clock: Time by which messages age, s.
+        clock: Time by which messages age, s; nobody may set it, as ``/clock`` and the host's date are set.
         log_time: The log time of a message that came now, ns.
         notice: Takes a line for the user.
         keep: Limits of the files that stay in the folder.

@@ -102,6 +102,25 @@ def test_without_any_clock_messages_are_kept_at_the_earliest_time(tmp_path):
     assert [entry[:2] for entry in bench.log()] == [("/b", 1)]
 
 
+def test_messages_do_not_wait_for_a_clock_that_never_comes(tmp_path):
+    bench = Bench(tmp_path, is_simulated_time=True)
+    bench.recorder.start()
+    stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
+    try:
+        bench.recorder.take(stream, 7 * S, b"x")
+        waiting.wait_until(lambda: stream.written == 1, "it is written", 15.0)
+        bench.recorder.take(stream, 8 * S, b"y")
+        waiting.wait_until(lambda: stream.written == 2, "the next one waits for nothing", 15.0)
+        assert len([line for line in bench.said if "no /clock comes" in line]) == 1, "it is said at once, and once"
+        clock = bench.recorder.open_stream(string_connection("/clock"), "http://n/", is_wanted=False)
+        bench.recorder.take(clock, 9 * S, clock_message(60))
+        bench.recorder.take(stream, 9 * S, b"z")
+    finally:
+        bench.recorder.finish()
+    assert [(entry[1], entry[4]) for entry in bench.log()] == [(1, b"x"), (1, b"y"), (60 * S, b"z")]
+    assert bench.recorder.untimed == 2
+
+
 def test_a_limit_takes_so_many_of_each_topic(tmp_path):
     bench = Bench(tmp_path, limit=2)
     bench.recorder.start()

@@ -2,6 +2,7 @@
 import collections
 import struct
 import threading
+import time
 from pathlib import Path
 from typing import Callable, Deque, Dict, List, Optional, Protocol, Set, Tuple
 
@@ -14,6 +15,10 @@ _TIME = struct.Struct("<II")
 _TICK_S = 0.02
 _EARLIEST_NS = 1
 """Log time of messages under simulated time when no clock ever came (rosbag refuses 0)."""
+_UNKNOWN_NS = 0
+"""Log time, in the buffer, of messages that wait for the first ``/clock``."""
+_CLOCK_WAIT_S = 2.0
+"""Longest wait of messages for the first ``/clock``, s; they are not on the disk meanwhile."""
 
 CLOCK_TOPIC = "/clock"
 
@@ -61,7 +66,8 @@ class WriterThread:
         messages: Messages in finished files.
         finished_paths: Finished files, oldest first.
         clock: Newest time of ``/clock``, ns; None before the first.
-        untimed: Messages that came before the first ``/clock`` and got its time.
+        untimed: Messages that came before the first ``/clock``; they got its time, or the earliest where it came
+            too late.
     """
 
     _files: MessageFiles
@@ -77,7 +83,9 @@ class WriterThread:
         self._item_bytes = item_bytes
         self.is_simulated_time = is_simulated_time
         self.clock: Optional[int] = None
-        self._waiting_for_clock: List[_Item] = []
+        self._first_clock: Optional[int] = None
+        self._clock_wait_end: Optional[float] = None
+        self._is_clock_missed = False
         self._streams: Dict[Tuple[Connection, str], PublisherStream] = {}
         self._queue: Deque[_Item] = collections.deque()
         self._taken_bytes = 0
@@ -154,21 +162,16 @@ class WriterThread:
         if stream.connection.topic == CLOCK_TOPIC and len(data) == _TIME.size:
             seconds, nanoseconds = _TIME.unpack(data)
             clock = max(seconds * NS_PER_S + nanoseconds, _EARLIEST_NS)
+            if self._first_clock is None:
+                self._first_clock = clock
             self.clock = clock
-            self._release(clock)
         if not stream.is_wanted or not self._has_room(stream, len(data)):
             return
         if self.clock is None:
-            self._waiting_for_clock.append((stream, 0, published or 0, data))
+            self._queue.append((stream, _UNKNOWN_NS, published or 0, data))
             self.untimed += 1
         else:
             self._queue.append((stream, self.clock, self.clock if published is None else published, data))
-
-    def _release(self, clock: int) -> None:
-        if self._waiting_for_clock:
-            self._queue.extend((stream, clock, published or clock, data)
-                               for stream, _, published, data in self._waiting_for_clock)
-            self._waiting_for_clock.clear()
 
     def finish(self) -> None:
         """Write everything taken so far and finish the file; no message may be taken any more.
@@ -176,7 +179,6 @@ class WriterThread:
         Raises:
             BagError: Why recording ended early or the file could not be finished.
         """
-        self._release(self.clock or _EARLIEST_NS)
         self._ending.set()
         self._thread.join()
         if self.failure is not None:
@@ -216,11 +218,32 @@ class WriterThread:
     def _write_queue(self) -> None:
         queue, files, limit = self._queue, self._files, self._limit
         for _ in range(len(queue)):
+            is_untimed = self.is_simulated_time and queue[0][1] == _UNKNOWN_NS
+            if is_untimed and self._waits_for_clock():
+                return
             stream, stamp, published, data = queue.popleft()
+            if is_untimed:
+                stamp = self._first_clock or _EARLIEST_NS
+                published = published or stamp
             self._passed_bytes += len(data) + self._item_bytes
             if limit and not self._is_within_limit(stream.connection.topic):
                 continue
             files.add(stream, stamp, published, data)
+
+    def _waits_for_clock(self) -> bool:
+        """Return whether messages are still held back for the first ``/clock``; what comes after them waits, too."""
+        if self._first_clock is not None or self._ending.is_set():
+            return False
+        now = time.monotonic()
+        if self._clock_wait_end is None:
+            self._clock_wait_end = now + _CLOCK_WAIT_S
+        if now < self._clock_wait_end:
+            return True
+        if not self._is_clock_missed:
+            self._is_clock_missed = True
+            self._notice("no /clock comes, though /use_sim_time is true: messages are stored with the earliest log "
+                         "time, 1 ns, until it does")
+        return False
 
     def _is_within_limit(self, topic: str) -> bool:
         count = self._topic_counts[topic] = self._topic_counts.get(topic, 0) + 1

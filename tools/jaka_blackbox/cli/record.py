@@ -20,7 +20,6 @@ from jaka_bag.log_records import ACCIDENT
 from jaka_bag.operations.recover import Recovered, recover
 from jaka_bag.operations.signature import sign
 from jaka_bag.output_file import is_being_written
-from jaka_bag.units import NS_PER_S
 
 from ..evidence import Evidence
 from ..expression import Expression
@@ -36,7 +35,8 @@ NAME.mcap.active; SIGINT or SIGTERM finish it and give it its name. After a powe
 is, or made whole with 'jaka_bag recover'; at most the newest second is missing.
 
 Log times are the kernel's times of receipt (--stamp). Where the parameter /use_sim_time is true they are the times of
-/clock, as with rosbag record; messages that come before the first /clock get its time.
+/clock, as with rosbag record; messages that come before the first /clock get its time, or 1 ns where it does not come
+within 2 s. What stays in memory, and for how long, goes by the host's clock all the same.
 
 --state-log records the whole interface of exactly one driver: every topic that jaka_driver of the namespace
 (__ns:=/left or ROS_NAMESPACE) publishes, and every one that others send goals, trajectories, jog or servo targets to;
@@ -192,15 +192,11 @@ class Assembly:
         """Return the black box itself; called when recording begins."""
         self._make_leftovers_whole()
         self._box = BlackBox(self._folder, self._window, self._watch, self._open_file, self._recorder.writer.streams,
-                             self._clock, self._log_time, self._console.always, self._keep, self._before_end,
+                             time.monotonic, self._log_time, self._console.always, self._keep, self._before_end,
                              self._after_end)
         triggers = list(_TRIGGERS) + [expression.text for expression in self._expressions]
         self._console.say(started_line(self._window, self._folder, triggers))
         return self._box
-
-    def _clock(self) -> float:
-        writer = self._recorder.writer
-        return (writer.clock or 0) / NS_PER_S if writer.is_simulated_time else time.monotonic()
 
     def _log_time(self) -> int:
         writer = self._recorder.writer
