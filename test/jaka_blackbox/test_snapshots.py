@@ -12,6 +12,7 @@ from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import WriteFailed
 from jaka_bag.live.rolling_files import FileSettings, RollingFiles
 from jaka_bag.live.writer_thread import WriterThread
+from jaka_blackbox import snapshots
 from jaka_blackbox.snapshots import Snapshots
 
 S = 10**9
@@ -31,6 +32,10 @@ class Bench:
         self.writer.start()
         self.stream = self.writer.open_stream(string_connection("/b"), "http://n/")
 
+    def wait_for(self, payload):
+        ring = self.snapshots._ring
+        live_samples.wait_until(lambda: ring and ring[-1][-1] == payload, "it is taken over")
+
     def open_log(self, settings):
         return RollingFiles(settings, {}, [], self.writer.streams, self.said.append)
 
@@ -42,10 +47,43 @@ class Bench:
         return found
 
 
-def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path):
+def clock_of(monotonic_s):
+    """Return the module of time where so much has passed."""
+    return SimpleNamespace(monotonic=lambda: monotonic_s, time_ns=time.time_ns, strftime=time.strftime)
+
+
+@pytest.mark.parametrize("stamps", [(1000, 1001, 5), (5, 1000, 1001)], ids=["back", "forth"])
+def test_a_clock_that_is_set_changes_nothing_of_what_is_in_memory(tmp_path, monkeypatch, stamps):
+    bench = Bench(tmp_path, 100.0)
+    monkeypatch.setattr(time, "time_ns", lambda: 7)
+    for number, stamp in enumerate(stamps):
+        bench.writer.take(bench.stream, stamp * S, b"%d" % number)
+    monkeypatch.setattr(time, "time_ns", lambda: 10**6 * S)
+    bench.snapshots.trigger()
+    bench.writer.finish()
+    assert [sorted(log) for log in bench.logs()] == [[b"0", b"1", b"2"]]
+
+
+def test_a_snapshot_forgets_what_is_old_after_the_clock_was_set_back(tmp_path, monkeypatch):
+    bench = Bench(tmp_path, 100.0)
+    began = time.monotonic()
+    for passed, stamp in ((0, 10**6), (500, 3)):
+        monkeypatch.setattr(snapshots, "time", clock_of(began + passed))
+        monkeypatch.setattr(time, "time_ns", lambda s=stamp: s * S)
+        bench.writer.take(bench.stream, stamp * S, b"%d" % stamp)
+        bench.wait_for(b"%d" % stamp)
+    bench.snapshots.trigger()
+    bench.writer.finish()
+    assert bench.logs() == [[b"3"]]
+
+
+def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path, monkeypatch):
     bench, now = Bench(tmp_path, 100.0), time.time_ns()
-    for age, payload in ((500, b"old"), (50, b"new"), (0, b"newest")):
-        bench.writer.take(bench.stream, now - age * S, payload)
+    began = time.monotonic()
+    for passed, payload in ((0, b"old"), (450, b"new"), (500, b"newest")):
+        monkeypatch.setattr(snapshots, "time", clock_of(began + passed))
+        bench.writer.take(bench.stream, now, payload)
+        bench.wait_for(payload)
     bench.snapshots.trigger()
     live_samples.wait_until(lambda: bench.said, "it is written")
     assert bench.logs() == [[b"new", b"newest"]]

@@ -11,9 +11,9 @@ from typing import Deque, List, Optional, Tuple
 from jaka_bag.cli.record import LogRecording
 from jaka_bag.live.rolling_files import FileSettings, RollingFiles
 from jaka_bag.live.stream_account import PublisherStream
-from jaka_bag.units import NS_PER_S
 
-_Item = Tuple[PublisherStream, int, int, bytes]
+_Item = Tuple[float, PublisherStream, int, int, bytes]
+"""A message in memory; the first is when it came, s of a clock that nobody sets."""
 
 
 class Snapshots:
@@ -33,7 +33,7 @@ class Snapshots:
 
     def __init__(self, recorder: LogRecording, newest_s: float) -> None:
         self._recorder = recorder
-        self._newest_ns = int(newest_s * NS_PER_S)
+        self._newest_s = newest_s
         self._ring: Deque[_Item] = collections.deque()
         self._ring_bytes = 0
         self._is_asked = False  # no Event: its lock is not for signal handlers
@@ -54,7 +54,7 @@ class Snapshots:
 
     def add(self, stream: PublisherStream, log_time: int, publish_time: int, payload: bytes) -> None:
         """Take one message; times in ns."""
-        self._ring.append((stream, log_time, publish_time, payload))
+        self._ring.append((time.monotonic(), stream, log_time, publish_time, payload))
         self._ring_bytes += len(payload)
 
     def tick(self) -> None:
@@ -90,17 +90,14 @@ class Snapshots:
                 self._note(self._files)
 
     def _trim(self) -> None:
-        if not self._ring:
-            return
-        is_simulated = self._recorder.writer.is_simulated_time
-        oldest = (self._ring[-1][1] if is_simulated else time.time_ns()) - self._newest_ns
+        oldest = time.monotonic() - self._newest_s
         most = self._recorder.args.buffsize
-        while self._ring and (self._ring[0][1] < oldest or (most and self._ring_bytes > most)):
-            self._ring_bytes -= len(self._ring.popleft()[3])
+        while self._ring and (self._ring[0][0] < oldest or (most and self._ring_bytes > most)):
+            self._ring_bytes -= len(self._ring.popleft()[-1])
 
     def _write(self) -> None:
         self._files = files = self._recorder.open_log(self._settings())
-        for stream, log_time, publish_time, payload in self._ring:
+        for _, stream, log_time, publish_time, payload in self._ring:
             files.add(stream, log_time, publish_time, payload)
         files.close()
         self._note(files)

@@ -48,6 +48,27 @@ def test_a_publisher_that_is_connected_while_the_recording_ends_is_told_of():
     assert transport.connected and told == [transport.master]
 
 
+@pytest.mark.parametrize("seconds", [[1000, 1001, 1002, 1, 2, 3, 4], [1000, 1006], [1, 2, 1, 2, 1, 2, 1, 2, 1, 2]],
+                         ids=["anew", "forth", "again and again"])
+def test_a_duration_of_a_clock_that_starts_anew_is_over_all_the_same(seconds):
+    recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure=None, streams=list, full_topics=set(),
+                               clock=None)
+    session = RecordingSession(recorder, TopicSelection(), lambda connection: True, print, duration_s=5.0)
+    transport = Transport(session)
+    transport.answered.set()
+    left = list(seconds)
+    transport.subscribe = lambda *arguments: None
+
+    def poll(timeout):
+        if left:
+            recorder.clock = left.pop(0) * 10**9
+        elif not session.stop.is_set():
+            session.end("it goes on and on")
+    transport.poll = poll
+    session.run(lambda: transport, True)
+    assert session.end_reason == "the time is over"
+
+
 def a_session():
     recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure=None, streams=list, full_topics=set())
     return RecordingSession(recorder, TopicSelection(), lambda connection: True, print)

@@ -14,6 +14,7 @@ from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, WriteFailed
 from jaka_bag.live.rolling_files import Attachment, DiskFull, FileSettings, RollingFiles
+from jaka_bag.live.stream_account import PublisherStream
 from jaka_bag.live.writer_thread import WriterThread
 
 S = 10**9
@@ -227,6 +228,30 @@ def test_a_finished_file_that_was_moved_away_ends_no_recording(tmp_path):
     assert (stream.received, stream.written, stream.unwritten) == (4, 4, 0) and not bench.stopped
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log_2.mcap", "log_3.mcap", "mine.mcap"]
     assert len(bench.log("mine.mcap")) == 1
+
+
+def begun_files(folder, log_times):
+    """Return the number of files that messages at these times, s, make where each file has 10 s of log time."""
+    stream = PublisherStream(string_connection("/b"), "http://n/")
+    files = RollingFiles(FileSettings(folder / "log", compression="none", fsync_s=0.0, split_s=10.0, is_split=True), {},
+                         [], lambda: [stream], lambda line: None)
+    for log_time in log_times:
+        files.add(stream, int(log_time * S), 0, b"x")
+    files.close()
+    return len(files.finished)
+
+
+def test_files_are_split_though_the_clock_was_set_back(tmp_path):
+    assert begun_files(tmp_path, [*range(5000, 5005), *range(1, 101)]) >= 10
+
+
+def test_files_are_split_though_the_clock_starts_anew_again_and_again(tmp_path):
+    assert begun_files(tmp_path, [second for _ in range(20) for second in range(1, 7)]) >= 8
+
+
+def test_times_that_go_back_by_little_do_not_split(tmp_path):
+    jitter = [100.0 + number / 100 - (number % 2) * 0.2 for number in range(1, 900)]
+    assert begun_files(tmp_path, jitter) == 1
 
 
 def test_a_finished_file_that_cannot_be_removed_is_said(tmp_path, monkeypatch):

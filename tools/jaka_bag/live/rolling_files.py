@@ -18,6 +18,8 @@ WORKING_SUFFIX = ".active"
 _SUMMARY_RESERVE = 64 * 1024
 _SUMMARY_SHARE = 64
 """Room kept for the end of the file: a fixed part, byte, and a share of what was written."""
+_SET_BACK_NS = NS_PER_S
+"""Log times go back by less, ns, where messages of several links are read one after the other."""
 _file_numbers = itertools.count(1)
 
 
@@ -42,7 +44,8 @@ class FileSettings:
         chunk_age_s: A chunk is closed when its first message came this long ago, s.
         fsync_s: Period, s, at which written data are forced to the disk; 0 leaves it to the system.
         split_bytes: A new file is begun at this size, byte, or the only one is large enough; None for never.
-        split_s: A new file is begun after this log time, s; None for never.
+        split_s: A new file is begun after this log time, s; None for never. Where the clock is set back, the time from
+            then on is added to the time before.
         is_split: Files are numbered.
         max_splits: Number of files that are kept, the oldest is removed; 0 keeps all.
         min_space: Recording stops when the disk has less than this left, byte.
@@ -109,6 +112,7 @@ class RollingFiles:
         self._serial = 0
         self._writer: Optional[LogWriter] = None
         self._begin_time: Optional[int] = None
+        self._newest_time = 0
         self._chunk_born: Optional[float] = None
         self._chunk_streams: Dict[PublisherStream, int] = {}
         self._largest_chunk = settings.chunk_bytes
@@ -165,7 +169,7 @@ class RollingFiles:
     def _make_ready(self, log_time: int, size: int) -> None:
         """Split, or close the chunk, where a message of that size asks for it."""
         if self._begin_time is None:
-            self._begin_time = log_time
+            self._begin_time = self._newest_time = log_time
         elif self._is_time_to_split(log_time):
             self._split(log_time)
         writer = self._writer
@@ -214,6 +218,10 @@ class RollingFiles:
     def _is_time_to_split(self, log_time: int) -> bool:
         s = self.settings
         assert self._begin_time is not None
+        if log_time < self._newest_time - _SET_BACK_NS:
+            self._begin_time -= self._newest_time - log_time
+            self._newest_time = log_time
+        self._newest_time = max(self._newest_time, log_time)
         has_split_age = s.split_s is not None and log_time - self._begin_time >= s.split_s * NS_PER_S
         return s.is_split and (has_split_age or self._has_split_size())
 

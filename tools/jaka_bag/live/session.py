@@ -106,12 +106,16 @@ class RecordingSession:
                 self._subscribe(CLOCK_TOPIC)
             self._watcher.start()
             begin: Optional[float] = None
+            newest = 0.0
             while not self.stop.is_set():
                 now = time.monotonic()
                 if use_clock:
                     now = (self._recorder.clock or 0) / NS_PER_S
                 if begin is None and now:
                     begin = now
+                if begin is not None and now < newest:  # a simulation starts anew: what has passed counts
+                    begin -= newest - now
+                newest = now
                 if self._duration_s is not None and begin is not None and now - begin >= self._duration_s:
                     self.end("the time is over")
                 else:
