@@ -6,6 +6,7 @@ expression   conditions on fields of messages, as users write them
 triggers     what sets the black box off
 files        the files in their folder: names, how many are kept
 recorder     the memory, and the files that triggers make of it
+model_file   the arm model file that a parameter names
 evidence     what a file needs besides its messages: parameters, the arm, versions, the clock
 service      ``~trigger``, a service to set it off
 snapshots    a file of what is in memory at each signal

@@ -1,7 +1,8 @@
 """The evidence that a file of the black box holds besides its messages, for whoever reads it years later.
 
 Parameters are asked for again and again while all is well: at a trigger the master may be gone, and at the start of the
-black box the driver may not have set any yet.
+black box the driver may not have set any yet. The model file that one of them names is read then, too: whatever it is,
+it holds up no accident's file.
 """
 import ctypes
 import importlib.util
@@ -11,14 +12,16 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from jaka_bag import __version__
 from jaka_bag.driver_interface import PARAMETERS_NAME
-from jaka_bag.errors import JakaBagError
+from jaka_bag.errors import BagError, JakaBagError
 from jaka_bag.live.graph import RemoteNode
 from jaka_bag.live.rolling_files import Attachment
 from jaka_bag.live.session import parameter_dump
+
+from .model_file import read_model_file
 
 _FIRST_PERIOD_S, _PERIOD_S = 1.0, 10.0
 _STA_UNSYNC = 0x40
@@ -109,6 +112,7 @@ class Evidence:
         self._versions = self._json(package_versions())
         self._models = _content(_models_file())
         self._parameters = b""
+        self._model_file: Tuple[Optional[bytes], str] = (None, "")  # content, or why there is none
         self._asked_at = 0.0
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="evidence", daemon=True)
@@ -135,12 +139,22 @@ class Evidence:
                     due_at = time.monotonic() + (_PERIOD_S if is_known else _FIRST_PERIOD_S)
 
     def refresh(self, master: RemoteNode) -> None:
-        """Ask for the parameters; those known before stay where the master does not answer."""
+        """Ask for the parameters, read the model file; what is known stays where the master does not answer."""
         try:
             self._parameters = parameter_dump(master)
             self._asked_at = time.time()
         except JakaBagError:
             return
+        self._model_file = self._read_model_file()
+
+    def _read_model_file(self) -> Tuple[Optional[bytes], str]:
+        path = self._driver_parameter("dh_file")
+        if not isinstance(path, str) or not path:
+            return None, ""
+        try:
+            return read_model_file(path), ""
+        except BagError as error:
+            return None, "dh_file (%s %s)" % (path, error)
 
     def _driver_parameter(self, name: str) -> Any:
         value: Any = json.loads(self._parameters or b"{}")
@@ -165,9 +179,7 @@ class Evidence:
         if description:
             items.append(Attachment("robot_description.urdf", description.encode("utf-8", "replace"),
                                     "application/xml"))
-        own = self._driver_parameter("dh_file")
-        for name, data in (("dh_file.yaml", _content(Path(own) if isinstance(own, str) and own else None)),
-                           ("arm_models.yaml", self._models)):
+        for name, data in (("dh_file.yaml", self._model_file[0]), ("arm_models.yaml", self._models)):
             if data is not None:
                 items.append(Attachment(name, data, "application/yaml"))
         items.append(Attachment("versions.json", self._versions, "application/json"))
@@ -197,6 +209,7 @@ class Evidence:
             ("URDF (robot_description is not set)", "robot_description.urdf" in names),
             ("DH parameters (the driver is not installed here)", bool(names & {"dh_file.yaml", "arm_models.yaml"})),
             ("controller version (no diagnostics came)", bool(facts.get("controller_version")))) if not there]
+        missing += [self._model_file[1]] if self._model_file[1] else []
         if self._asked_at:
             facts["parameters_of"] = time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(self._asked_at))
         return dict({key: value for key, value in facts.items() if value}, missing="; ".join(missing) or "nothing")
