@@ -2,11 +2,16 @@
 import threading
 from types import SimpleNamespace
 
+import live_samples
 import pytest
 from everywhere import hangs
 
+from jaka_bag.live import session as session_module
+from jaka_bag.live.rolling_files import FileSettings, RollingFiles
 from jaka_bag.live.session import RecordingSession
+from jaka_bag.live.stream_account import drops_by_topic
 from jaka_bag.live.topic_selection import TopicSelection
+from jaka_bag.live.writer_thread import WriterThread
 
 
 class Transport:
@@ -69,6 +74,35 @@ def test_a_duration_of_a_clock_that_starts_anew_is_over_all_the_same(seconds):
     assert session.end_reason == "the time is over"
 
 
+def test_a_topic_that_is_advertised_anew_with_another_type_has_lost_nothing(tmp_path, monkeypatch):
+    uri, said = "http://mux:4000/", []
+    counts = [990]
+    monkeypatch.setattr(session_module, "ask_publishers", lambda uris, node, wait: {(uri, "/a"): counts[0]})
+    writer = WriterThread(lambda: RollingFiles(FileSettings(tmp_path / "log"), {}, [], writer.streams, said.append), 0,
+                          said.append, said.append)
+    writer.start()
+    session = RecordingSession(writer, TopicSelection(everything=True), lambda connection: True, said.append)
+    transport = Transport(session)
+    transport.answered.set()
+    transport.poll = lambda timeout: None
+
+    def send(connection, number):
+        stream = writer.open_stream(connection, uri)
+        for _ in range(number):
+            writer.take(stream, 10**9, b"1234")
+        session._drain(transport)
+    old = live_samples.string_connection("/a")
+    counts[0] = 10
+    send(old, 10)
+    counts[0] = 1000
+    send(old._replace(datatype="std_msgs/Float32", md5sum="b" * 32), 1000)
+    assert drops_by_topic(writer.streams())["/a"].describe() == "nothing lost"
+    counts[0] = 7
+    send(old, 5)
+    writer.finish()
+    assert drops_by_topic(writer.streams())["/a"].undelivered == 2, "the first is the one that is open again"
+
+
 def a_session():
     recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure=None, streams=list, full_topics=set())
     return RecordingSession(recorder, TopicSelection(), lambda connection: True, print)
@@ -86,6 +120,29 @@ def test_a_signal_that_comes_at_any_line_of_the_end_waits_for_nothing(act):
 
     assert hangs(begin) == []
     assert all(session.stop.is_set() for session in sessions[:-1]) and len(sessions) > 2
+
+
+def test_the_watch_goes_on_after_odd_statistics(monkeypatch):
+    asked = []
+
+    def ask(uris, node, wait):
+        asked.append(1)
+        raise OverflowError("cannot convert float infinity to integer")
+    monkeypatch.setattr(session_module, "ask_publishers", ask)
+    monkeypatch.setattr(session_module, "_STATISTICS_PERIOD_S", 0.0)
+    recorder = SimpleNamespace(start=lambda: None, finish=lambda: None, failure="no drain", streams=list,
+                               full_topics=set())
+    told = []
+    session = RecordingSession(recorder, TopicSelection(), lambda connection: True, told.append)
+    transport = Transport(session)
+    transport.answered.set()
+    transport.poll = lambda timeout: len(asked) < 2 and session.stop.wait(0.01) or len(asked) >= 2 and session.end("")
+    patience = threading.Timer(20.0, session.end, ["patience"])
+    patience.start()
+    session.run(lambda: transport, False)
+    patience.cancel()
+    assert len(asked) >= 2
+    assert len([text for text in told if "infinity" in text]) == 1, "it is said once"
 
 
 def test_the_watch_goes_on_after_what_nobody_foresaw():

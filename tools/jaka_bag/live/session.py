@@ -6,7 +6,7 @@ import contextlib
 import json
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Set
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
 from ..interrupts import Flag
@@ -140,13 +140,17 @@ class RecordingSession:
         while asker.is_alive():
             transport.poll(0.01)
         sent = answer[0] if answer else {}
-        late = [(stream, sent[key]) for stream in self._recorder.streams()
-                for key in [(stream.publisher, stream.connection.topic)] if key in sent]
+        late = self._counted(sent)
         deadline = time.monotonic() + _DRAIN_S
         while time.monotonic() < deadline and any(s.received - s.link_start < count for s, count in late):
             transport.poll(0.01)
         for stream, count in late:
             stream.note_sent(count, is_final=True)
+
+    def _counted(self, sent: Dict[Tuple[str, str], int]) -> List[Tuple[PublisherStream, int]]:
+        """Return the streams that publishers count, with these counts; they are of the present links."""
+        streams = self._recorder.newest_streams() if sent else {}
+        return [(streams[key], count) for key, count in sent.items() if key in streams]
 
     def _ask_publishers(self, transport: Subscriber) -> Dict[Any, int]:
         return ask_publishers({uri for _, _, uri in transport.links()}, transport.names.node, _STATISTICS_WAIT_S)
@@ -176,11 +180,8 @@ class RecordingSession:
             now = time.monotonic()
             if now >= statistics_at:
                 statistics_at = now + _STATISTICS_PERIOD_S
-                sent = self._ask_publishers(self._transport)
-                for stream in self._recorder.streams():
-                    count = sent.get((stream.publisher, stream.connection.topic))
-                    if count is not None:
-                        stream.note_sent(count)
+                for stream, count in self._counted(self._ask_publishers(self._transport)):
+                    stream.note_sent(count)
             if now >= loss_notice_at:
                 loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
                 self._notice_overflow()

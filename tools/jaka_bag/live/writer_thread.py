@@ -87,6 +87,7 @@ class WriterThread:
         self._clock_wait_end: Optional[float] = None
         self._is_clock_missed = False
         self._streams: Dict[Tuple[Connection, str], PublisherStream] = {}
+        self._newest_streams: Dict[Tuple[str, str], PublisherStream] = {}
         self._queue: Deque[_Item] = collections.deque()
         self._taken_bytes = 0
         self._passed_bytes = 0
@@ -112,6 +113,10 @@ class WriterThread:
         """Return all streams seen so far."""
         return list(self._streams.values())
 
+    def newest_streams(self) -> Dict[Tuple[str, str], PublisherStream]:
+        """Return the stream opened last by (publisher's URI, topic): a node may advertise a topic with another type."""
+        return dict(self._newest_streams)
+
     # The receiving thread
 
     def open_stream(self, connection: Connection, publisher: str, is_wanted: bool = True) -> PublisherStream:
@@ -119,6 +124,7 @@ class WriterThread:
         stream = self._streams.get((connection, publisher))
         if stream is not None:
             stream.reopen()
+            self._newest_streams[publisher, connection.topic] = stream
             return stream
         for other in self.streams():
             if other.connection.topic == connection.topic and other.connection.md5sum != connection.md5sum:
@@ -127,6 +133,7 @@ class WriterThread:
                     connection.callerid, connection.datatype, connection.md5sum))
                 break
         stream = self._streams[connection, publisher] = PublisherStream(connection, publisher, is_wanted)
+        self._newest_streams[publisher, connection.topic] = stream
         return stream
 
     def take(self, stream: PublisherStream, stamp: int, data: bytes) -> None:
