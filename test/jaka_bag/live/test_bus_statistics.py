@@ -33,7 +33,9 @@ def test_both_dialects_are_understood(reply):
 
 
 @pytest.mark.parametrize("info, reply", [(BUS_INFO, 5), (BUS_INFO, [[["/a", [[1]]]], [], []]), (7, ROSPY),
-                                         (BUS_INFO, [[["/a"]], [], []]), ([["x", "/rec", "o", "", "/a"]], ROSPY)])
+                                         (BUS_INFO, [[["/a"]], [], []]), ([["x", "/rec", "o", "", "/a"]], ROSPY),
+                                         ([[float("inf"), "/rec", "o", "", "/a"]], ROSPY),
+                                         (BUS_INFO, [[["/a", [[1, 0, 0, float("inf"), 0]]], [], []]])])
 def test_another_shape_is_a_protocol_error(info, reply):
     with pytest.raises(ProtocolError):
         sent_messages("/rec", info, reply)

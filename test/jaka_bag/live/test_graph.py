@@ -1,4 +1,7 @@
 """The XMLRPC side of a node: the questions of others, and what goes wrong."""
+import contextlib
+import gzip
+import http.server
 import os
 import socket
 import threading
@@ -10,6 +13,31 @@ from jaka_bag.errors import ConnectionLost, ProtocolError
 from jaka_bag.live.graph import RemoteNode, SlaveServer
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import Subscriber
+
+
+@contextlib.contextmanager
+def answering(headers, body):
+    """Answer each call so, at the URI that is given."""
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_POST(self):
+            self.rfile.read(int(self.headers["content-length"]))
+            self.send_response(200)
+            for name, value in {"Content-Type": "text/xml", "Content-Length": str(len(body)), **headers}.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *arguments):
+            pass
+
+    with http.server.HTTPServer(("127.0.0.1", 0), Handler) as http_server:
+        thread = threading.Thread(target=http_server.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        try:
+            yield "http://127.0.0.1:%d/" % http_server.server_address[1]
+        finally:
+            http_server.shutdown()
+            thread.join()
 
 
 @pytest.fixture
@@ -33,6 +61,31 @@ def test_the_master_reports_publishers_and_others_may_end_the_node(server, peer)
     assert peer.call("publisherUpdate", "/a", ["http://x/", "http://y/"]) == 0
     assert peer.call("shutdown", "enough") == 0
     assert server.told == [("/a", ["http://x/", "http://y/"]), "/caller: enough"]
+
+
+_REPLY = "<?xml version='1.0'?><methodResponse><params><param>%s</param></params></methodResponse>"
+
+
+@pytest.mark.parametrize("headers, body", [
+    ({}, (_REPLY % "<value><struct><member><name>a</name></member></struct></value>").encode()),
+    ({}, (_REPLY % "<value><dateTime.iso8601>x</dateTime.iso8601></value>").encode()), ({}, b""), ({}, b"<a/>"),
+    ({}, (_REPLY % "<value><int>x</int></value>").encode()), ({}, b"<?xml version='1.0' encoding='x-none'?><a/>"),
+    ({}, (_REPLY % "</value>").encode()), ({}, (_REPLY % "<value><base64>a</base64></value>").encode()),
+    ({"Content-Encoding": "gzip"}, gzip.compress(b"<a/>" * 99)[:20]), ({"Content-Encoding": "gzip"}, b"no gzip"),
+    ({"Content-Encoding": "gzip"}, gzip.compress(b"<a/>")[:10] + b"\xff" * 9),
+    ({"Content-Encoding": "gzip"}, gzip.compress(b"")), ({}, b"<methodCall><methodName>x</methodName></methodCall>")],
+    ids=map(str, range(13)))
+def test_an_odd_reply_is_an_error_that_callers_foresee(headers, body):
+    with answering(headers, body) as uri, RemoteNode(uri, "/caller", 10.0) as node, \
+            pytest.raises((ProtocolError, ConnectionLost)):
+        node.call("getPid")
+
+
+@pytest.mark.parametrize("uri", ["", "x", "ftp://a/", "http://", "http://[", "http://a:b/", "http://\udc80:1/",
+                                 "http://a b:1/", "http://%s:1/" % ("a" * 80), "http://a:99999999/"])
+def test_an_odd_address_is_an_error_that_callers_foresee(uri):
+    with pytest.raises((ProtocolError, ConnectionLost)), RemoteNode(uri, "/caller", 2.0) as node:
+        node.call("getPid")
 
 
 def test_a_shutdown_of_the_node_that_had_the_port_before_is_refused(server, peer):

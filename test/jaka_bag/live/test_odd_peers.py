@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from jaka_bag.live.graph import SlaveServer
+from jaka_bag.live.graph import RemoteNode, SlaveServer
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher
 from jaka_bag.live.subscriber import Subscriber, accept_all
@@ -95,6 +95,26 @@ def test_a_publisher_that_meets_a_defect_costs_its_own_link_alone():
     assert [tag for tag, _, _ in taken] == [good.slave.uri]
     assert opened.count(odd.slave.uri) >= 2 and opened.count(good.slave.uri) == 1
     assert "nobody foresaw this" in notices[0] and len(set(notices)) == 1
+
+
+def test_a_publisher_whose_answer_breaks_the_library_is_asked_again(monkeypatch):
+    asked = []
+
+    def call(node, method, *arguments):
+        asked.append(method)
+        raise RuntimeError("nobody foresaw it")
+    monkeypatch.setattr(RemoteNode, "call", call)
+    listener = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, lambda text: None, str)
+    try:
+        listener._accepts["/a"] = accept_all
+        listener._on_publishers("/a", ["http://127.0.0.1:1/"])
+        until = time.monotonic() + PATIENCE_S
+        while len(asked) < 2 and time.monotonic() < until:
+            listener.poll(0.05)
+    finally:
+        listener._accepts.clear()
+        listener.close()
+    assert len(asked) >= 2
 
 
 @pytest.mark.parametrize("number", [errno.EMFILE, errno.ECONNABORTED])

@@ -35,7 +35,7 @@ def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, i
                 topic = topics.get(int(connection[0]))
                 if topic is not None:
                     sent[topic] = sent.get(topic, 0) + int(connection[3 if is_roscpp else 2])
-    except (TypeError, ValueError, IndexError, KeyError) as error:
+    except (TypeError, ValueError, LookupError, ArithmeticError) as error:
         raise ProtocolError("bus statistics are not understood: %s" % error) from error
     return sent
 

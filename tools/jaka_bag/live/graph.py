@@ -9,6 +9,7 @@ import socketserver
 import threading
 import xmlrpc.client
 import xmlrpc.server
+import zlib
 from typing import Any, Callable, Dict, List, Optional, Tuple
 from xml.parsers.expat import ExpatError
 
@@ -19,7 +20,7 @@ _MASTERS_REASON = re.compile(r"\[(/[^\]]*)\] Reason: ")
 REGISTRATION_PERIOD_S = 1.0
 """Time between two looks for a master that was restarted, s."""
 _UNREACHABLE = (OSError, http.client.HTTPException)
-_BROKEN = (xmlrpc.client.Error, ExpatError, ValueError, TypeError)
+_BROKEN = (xmlrpc.client.Error, ExpatError, ValueError, TypeError, ArithmeticError, LookupError, EOFError, zlib.error)
 
 
 class _TimedTransport(xmlrpc.client.Transport):
@@ -49,7 +50,7 @@ class RemoteNode:
         self._caller_id = caller_id
         try:
             self._proxy = xmlrpc.client.ServerProxy(uri, transport=_TimedTransport(timeout_s))
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise ProtocolError("%r is no XMLRPC address: %s" % (uri, error)) from error
 
     def raw_call(self, method: str, *arguments: Any) -> Any:

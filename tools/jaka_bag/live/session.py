@@ -177,17 +177,20 @@ class RecordingSession:
                 self._notice_once("graph", str(error))
             except Exception as error:  # a defect here, or a graph that nobody foresaw: recording goes on
                 self._notice_once("graph", "the graph is not understood: %r" % error)
-            now = time.monotonic()
-            if now >= statistics_at:
-                statistics_at = now + _STATISTICS_PERIOD_S
-                for stream, count in self._counted(self._ask_publishers(self._transport)):
-                    stream.note_sent(count)
-            if now >= loss_notice_at:
-                loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
-                self._notice_overflow()
-            if now >= absent_notice_at:
-                absent_notice_at = float("inf")
-                self._notice_absent()
+            try:
+                now = time.monotonic()
+                if now >= statistics_at:
+                    statistics_at = now + _STATISTICS_PERIOD_S
+                    for stream, count in self._counted(self._ask_publishers(self._transport)):
+                        stream.note_sent(count)
+                if now >= loss_notice_at:
+                    loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
+                    self._notice_overflow()
+                if now >= absent_notice_at:
+                    absent_notice_at = float("inf")
+                    self._notice_absent()
+            except Exception as error:  # neither does this end the watch, or the watch this
+                self._notice_once("account", "the publishers' counts are not understood: %r" % error)
             if self.stop.wait(_WATCH_PERIOD_S):
                 return
 

@@ -256,6 +256,8 @@ class Subscriber:
             self._command(self._connect, topic, uri, address)
         except JakaBagError as error:
             self._command(self._ask_failed, topic, uri, error)
+        except Exception as error:  # what nobody foresaw: it is asked again
+            self._command(self._ask_failed, topic, uri, ProtocolError("%s at %s: %r" % (topic, uri, error)))
 
     def _ask_failed(self, topic: str, uri: str, error: JakaBagError) -> None:
         publisher = self._topics.get(topic, {}).get(uri)
