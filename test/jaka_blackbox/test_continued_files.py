@@ -73,6 +73,27 @@ def test_each_continued_file_has_the_latched_messages_and_no_memory_of_its_own(t
     assert [data for topic, data, _ in found[-1][0] if topic == "/tf_static"] == [b"second"]
 
 
+def test_latched_messages_of_several_publishers_begin_each_file_in_their_order(tmp_path):
+    bench = Bench(tmp_path, Keep(0, 80000))
+    first, second, other = bench.stream("/mode", True), bench.stream("/mode", True), bench.stream("/other")
+    for stream, payload in ((first, b"1"), (second, b"2"), (first, b"3")):
+        bench.send(stream, payload)
+    bench.now += 200.0  # they are no longer in memory
+    bench.send(other, b"x")
+    bench.box.trigger(Trigger("error", "", ""))
+    bench.box.tick()
+    for number in range(30):
+        bench.send(other, b"%01000d" % number)
+    bench.send(second, b"4")
+    for number in range(30):
+        bench.send(other, b"%01000d" % number)
+    bench.box.close()
+    found = sorted((read(path)[0] for path in tmp_path.glob("*.mcap")), key=lambda one: one[0][2])
+    assert len(found) >= 3
+    modes = [[data for topic, data, _ in messages if topic == "/mode"] for messages in found]
+    assert modes[0][:2] == modes[1][:2] == [b"2", b"3"] and modes[-1][-2:] == [b"3", b"4"]
+
+
 def test_latched_messages_that_fill_a_file_do_not_begin_the_next_for_ever(tmp_path):
     bench = Bench(tmp_path, Keep(0, 4000))
     fixed, other = bench.stream("/tf_static", True), bench.stream("/other")

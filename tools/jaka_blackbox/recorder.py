@@ -149,6 +149,7 @@ class BlackBox:
         self._ring.append(item)
         self._ring_bytes += len(payload) + ITEM_BYTES
         if stream.connection.latching:
+            self._latched.pop(stream, None)  # in the order of messages, not of publishers
             self._latched[stream] = item
         self._trim(now)
         if self._files is not None:
@@ -252,6 +253,7 @@ class BlackBox:
         if files is None:
             return
         if item.stream.connection.latching:
+            self._latched_in_file.pop(item.stream, None)
             self._latched_in_file[item.stream] = item
         self._guarded(lambda: files.add(item.stream, item.log_time, item.publish_time, item.payload, item.number))
 

@@ -254,6 +254,21 @@ def test_times_that_go_back_by_little_do_not_split(tmp_path):
     assert begun_files(tmp_path, jitter) == 1
 
 
+def test_a_further_file_begins_with_latched_messages_in_their_order(tmp_path):
+    bench = Bench(tmp_path, FileSettings(tmp_path / "log", compression="none", fsync_s=0.0, split_s=10.0, is_split=True,
+                                         repeat_latched=True))
+    bench.recorder.start()
+    mode = string_connection("/mode")._replace(latching=True)
+    first, second = (bench.recorder.open_stream(mode, uri) for uri in ("http://a/", "http://b/"))
+    other = bench.recorder.open_stream(string_connection("/b"), "http://n/")
+    for seconds, stream, payload in ((1, first, b"1"), (2, second, b"2"), (3, first, b"3"), (20, other, b"x"),
+                                     (40, other, b"x"), (41, second, b"4"), (60, other, b"x")):
+        bench.recorder.take(stream, seconds * S, payload)
+    bench.recorder.finish()
+    modes = [[entry[4] for entry in bench.log("log_%d.mcap" % number) if entry[0] == "/mode"] for number in range(4)]
+    assert modes == [[b"1", b"2", b"3"], [b"2", b"3"], [b"2", b"3", b"4"], [b"3", b"4"]]
+
+
 def test_a_finished_file_that_cannot_be_removed_is_said(tmp_path, monkeypatch):
     bench, stream = rolling(tmp_path)
 

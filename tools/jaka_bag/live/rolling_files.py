@@ -5,7 +5,7 @@ import resource
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Optional
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from ..containers.contract import LogWriter
 from ..containers.registry import create_log
@@ -105,7 +105,6 @@ class RollingFiles:
         self._facts = facts
         self._attachments = attachments
         self._attached: List[Attachment] = []
-        self._streams = streams
         self._notice = notice
         self.finished: List[Path] = []
         self.messages = 0
@@ -114,6 +113,7 @@ class RollingFiles:
         self._begin_time: Optional[int] = None
         self._newest_time = 0
         self._chunk_born: Optional[float] = None
+        self._latched: Dict[PublisherStream, Tuple[bytes, int]] = {}
         self._chunk_streams: Dict[PublisherStream, int] = {}
         self._largest_chunk = settings.chunk_bytes
         self._synced_at = time.monotonic()
@@ -164,7 +164,8 @@ class RollingFiles:
         self._chunk_streams[stream] = self._chunk_streams.get(stream, 0) + 1
         self._put(stream, log_time, publish_time, payload, sequence)
         if stream.connection.latching:
-            stream.latched = (payload, publish_time)
+            self._latched.pop(stream, None)  # in the order of messages, not of publishers
+            self._latched[stream] = (payload, publish_time)
 
     def _make_ready(self, log_time: int, size: int) -> None:
         """Split, or close the chunk, where a message of that size asks for it."""
@@ -232,11 +233,9 @@ class RollingFiles:
         self._open()
         self._begin_time = log_time
         if self.settings.repeat_latched:
-            for stream in self._streams():
-                if stream.latched is not None:
-                    self._number(stream)
-                    payload, publish_time = stream.latched
-                    self._put(stream, log_time, publish_time, payload)
+            for stream, (payload, publish_time) in self._latched.items():
+                self._number(stream)
+                self._put(stream, log_time, publish_time, payload)
 
     def _remove(self, path: Path) -> None:
         try:

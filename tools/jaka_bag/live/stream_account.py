@@ -41,7 +41,7 @@ class PublisherStream:
 
     __slots__ = ("connection", "publisher", "has_header", "is_wanted", "received", "link_start", "written",
                  "overflowed", "unwritten", "next_sequence", "missing", "undelivered", "_undelivered_before",
-                 "_shortfall", "channel", "channel_file", "latched")
+                 "_shortfall", "channel", "channel_file")
 
     def __init__(self, connection: Connection, publisher: str, is_wanted: bool = True) -> None:
         self.connection = connection
@@ -55,7 +55,6 @@ class PublisherStream:
         self._shortfall: Optional[int] = None
         self.channel = 0
         self.channel_file = 0
-        self.latched: Optional[Tuple[bytes, int]] = None
 
     @property
     def position(self) -> int:
