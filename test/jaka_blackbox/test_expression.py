@@ -1,4 +1,6 @@
 """Conditions of users: their meaning, which are refused, and that only a condition can be expressed."""
+import math
+
 import pytest
 
 from jaka_bag.errors import UsageError
@@ -51,6 +53,27 @@ def test_the_reason_says_where(text, reason):
     with pytest.raises(UsageError) as refused:
         Expression(text)
     assert reason in str(refused.value)
+
+
+@pytest.mark.parametrize("numbers", [[math.nan, 100.0], [100.0, math.nan], [math.nan, 100.0, math.nan]])
+@pytest.mark.parametrize("text, holds", [
+    ("max(/j.effort) > 30", True), ("max(abs(/j.effort)) > 30", True), ("min(/j.effort) < 150", True),
+    ("min(/j.effort) > 99", True), ("max(/j.effort) < 30", False), ("max(/j.effort, 200) > 150", True)])
+def test_a_number_that_is_none_hides_no_other(numbers, text, holds):
+    assert Expression(text).holds({"/j": {"effort": numbers}}) is holds
+
+
+@pytest.mark.parametrize("text", ["max(/j.effort) > 30", "not min(abs(/j.effort)) > 30", "max(/j.effort[0]) > 1"])
+def test_where_no_number_is_left_there_is_no_value(text):
+    with pytest.raises(NoValue):
+        Expression(text).holds({"/j": {"effort": [math.nan, math.nan]}})
+
+
+@pytest.mark.parametrize("text, holds", [("/j.x > 3", False), ("/j.x < 3", False), ("/j.x == /j.x", False),
+                                         ("abs(/j.x) >= 0", False), ("/j.x != /j.x", True),
+                                         ("/j.x > 3 or /j.y > 3", True)])
+def test_a_comparison_with_a_number_that_is_none_is_that_of_ieee_754(text, holds):
+    assert Expression(text).holds({"/j": {"x": math.nan, "y": 4.0}}) is holds
 
 
 def test_a_number_beyond_all_others_is_compared():

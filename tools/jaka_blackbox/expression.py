@@ -1,8 +1,9 @@
 """Conditions on fields of messages, such as ``/force.wrench.force.z > 30 and not /io.data``, in Python's own grammar.
 
 The language has numbers, ``'texts'``, ``true`` and ``false``; fields as ``TOPIC.field.field[index]``; ``+ - *``;
-comparisons; ``and``, ``or``, ``not``; ``abs``, ``min`` and ``max``, which take whole arrays, too. Python parses it with
-a name in place of each field, number and text; nothing of it is given to Python to execute.
+comparisons; ``and``, ``or``, ``not``; ``abs``, ``min`` and ``max``, which take whole arrays, too. ``min`` and ``max``
+leave NaN out; compared, it is neither larger, smaller nor equal. Python parses it with a name in place of each field,
+number and text; nothing of it is given to Python to execute.
 """
 import ast
 import operator
@@ -79,7 +80,10 @@ def _all_numbers(values: List[Any]) -> List[Any]:
         found.extend(value if isinstance(value, (list, bytes)) else [value])
     if not found:
         raise NoValue("an array is empty")
-    return [_number(value) for value in found]
+    numbers = [value for value in map(_number, found) if value == value]
+    if not numbers:
+        raise NoValue("all are NaN")
+    return numbers
 
 
 def _absolute(values: List[Any]) -> Any:
