@@ -18,12 +18,14 @@ from jaka_bag.cli.main import load_command, main, parser_of
 from jaka_bag.cli.play import limits_of
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
+from jaka_bag.containers.registry import create_log
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import Subscriber
 from jaka_bag.messages.connection import Connection
 
 BASE = 1600000000 * 10**9
 MS = 10**6
+S = 10**9
 
 LISTENER = """
 import sys, rospy, hashlib
@@ -332,6 +334,20 @@ def test_bad_requests_are_one_line(tmp_path, monkeypatch, capsys, arguments, cod
     said = capsys.readouterr().err
     assert re.search(reason, said)
     assert len(said.strip().splitlines()) == 1 or "usage" in said
+
+
+@pytest.mark.parametrize("options, code, reason", [
+    (["--clock"], 2, "after 2106"), ([], 1, "no ROS master"), (["--clock", "-u", "1s"], 1, "no ROS master")])
+def test_a_time_that_a_clock_message_cannot_hold_is_refused(tmp_path, monkeypatch, capsys, options, code, reason):
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
+    begin = ((1 << 32) - 2) * S
+    log = create_log(tmp_path / "log.mcap", "none", None, False, chunk_size=1000)
+    channel = log.add_channel(string_connection("/a"))
+    for log_time in (begin, begin + 2 * S):
+        log.add_message(channel, log_time, string_frame("a")[4:], log_time, 1)
+    log.close()
+    assert main(["play", str(tmp_path / "log.mcap"), *options]) == code
+    assert reason in capsys.readouterr().err
 
 
 def test_without_a_master_it_says_so(mortal_graph):

@@ -25,6 +25,7 @@ from .notices import write_account
 from .options import TIME_HELP
 
 _TIME = struct.Struct("<II")
+_LAST_CLOCK_NS = (1 << 32) * NS_PER_S - 1
 _CLOCK_DEFINITION = "time clock\n"
 _PATIENCE_S = 30.0
 
@@ -237,6 +238,9 @@ def run(args: argparse.Namespace) -> int:
         for line in source.unmatched():
             notice(line)
         begin, end = limits_of(args, source)
+        if args.clock and end > _LAST_CLOCK_NS:
+            raise UsageError("/clock has no times after 2106, and the log goes on until %.0f s: end it before, with "
+                             "--until, or play it without --clock" % (end / NS_PER_S))
         report = _perform(args, names, source, begin, end, notice, say)
     if args.report:
         write_account(args.report, report)
