@@ -101,9 +101,9 @@ class ArmClient:
         self._thread.start()
 
     def auto_enable(self) -> None:
-        """Power and enable the arm once, as soon as the first state shows it without fault."""
+        """Power and enable the arm once, when it is first seen without fault; any call or stop before ends that."""
         with self._in_core():
-            self._core.run(None, power.auto_enable(self._core), time.monotonic())
+            self._core.run(None, power.auto_enable(self._core, 0), time.monotonic())
             self._perform()
 
     def close(self) -> None:

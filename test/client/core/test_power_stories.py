@@ -138,6 +138,16 @@ def test_what_was_asked_for_before_the_arm_is_seen_ends_the_powering_for_good(ca
         "auto_enable: a stop, a call or a fault came before the arm was seen, and it is left as it is"]
 
 
+def test_a_stop_between_the_drivers_begin_and_its_auto_enable_ends_the_powering_too():
+    story = Story(ready=False)
+    story.fields.update(OFF)
+    story.core.stop("stop", story.now)
+    story.core.run(None, power.auto_enable(story.core, 0), story.now)
+    story.connect()
+    story.run(0.5)
+    assert story.core.is_ready(story.now) and not switches(story)
+
+
 def test_a_stop_at_the_controller_before_the_handshake_is_done_ends_the_powering_for_good():
     story = unseen()
     story.core.opened(Port.STATUS, story.now)

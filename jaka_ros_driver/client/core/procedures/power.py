@@ -3,7 +3,7 @@
 Nothing here acts without being called.
 """
 import logging
-from typing import Callable, List
+from typing import Callable, List, Optional
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -95,16 +95,20 @@ def clear_error(core: ArmCore) -> Procedure:
     return "alarms cleared" + (", protective stop left" if left else ""), missing_for_motion(state)
 
 
-def auto_enable(core: ArmCore) -> Procedure:
+def auto_enable(core: ArmCore, since: Optional[int] = None) -> Procedure:
     """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
 
     It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good,
     also before the arm is seen. Links lost until then do not count: the controller may start later than the driver.
+
+    Args:
+        core: Of the arm.
+        since: How many disturbances other than lost links there were when the arm's user decided on it; now without it.
     """
-    others = core.disturbances - core.link_losses
+    decided_at = core.disturbances - core.link_losses if since is None else since
 
     def is_called_off() -> bool:
-        return core.disturbances - core.link_losses != others
+        return core.disturbances - core.link_losses != decided_at
     yield Until(lambda now: is_called_off() or core.is_ready(now), _NEVER)
     if is_called_off():
         core.actions.log(logging.WARNING, "auto_enable: a stop, a call or a fault came before the arm was seen, and it "
