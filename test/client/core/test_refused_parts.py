@@ -40,7 +40,7 @@ def test_a_refused_part_with_others_behind_it_stops_the_queue_for_they_would_beg
     story.run(0.02, move=0.5, **MOVING)
     for code in codes:
         story.reply("joint_move", code)
-    story.run(0.1, move=0.5, **MOVING).run(0.5)
+    story.run(0.1, move=0.5, **MOVING).run(1.0)
     assert story.count("stop_program") == 1 and story.core.is_free
     names = ("first", "second", "third")
     refused = names[codes.index("2")]
@@ -87,7 +87,7 @@ def test_moves_behind_one_that_was_refused_do_not_run_where_the_motion_guard_has
     assert story.count("joint_move") == 3, [str(story.error(name)) for name in ("up", "over", "down")]
     for code in "020":
         story.reply("joint_move", code)
-    story.run(0.3)
+    story.run(1.0)
     assert story.count("stop_program") == 1 and story.cause("end of down") is StopCause.FAULT
     story.core.move("direct", down, False, story.now)
     story.run(0.1)
