@@ -89,7 +89,7 @@ def deep(levels: int = 3000) -> Connection:
 
 
 def _empty_messages(path: Path) -> None:
-    kind = connection("/many", "test_msgs/Many", "test_msgs/E[4000000000] many\ntest_msgs/E[] some\n" + BREAK
+    kind = Connection("/many", "test_msgs/Many", "0" * 32, "test_msgs/E[4000000000] many\ntest_msgs/E[] some\n" + BREAK
                       + "MSG: test_msgs/E\nuint8 A=1\n")
     _bag_of(path, kind, struct.pack("<I", 4000000000))
 

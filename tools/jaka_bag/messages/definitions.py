@@ -19,7 +19,7 @@ _MOST_FIELDS = 5000
 """Fields of a type with those of all types in it, beyond which a definition is taken for an attack."""
 _MOST_MESSAGES = 2000000
 """Messages in a message by fixed arrays alone: where they have no bytes, a short message would have them all."""
-_ARRAY_LENGTH = re.compile(r"([0-9]{0,9})\]\Z")
+_ARRAY_LENGTH = re.compile(r"([0-9]{0,18})\]\Z")
 _HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
 
 
