@@ -63,10 +63,12 @@ def test_a_number_that_is_none_hides_no_other(numbers, text, holds):
     assert Expression(text).holds({"/j": {"effort": numbers}}) is holds
 
 
-@pytest.mark.parametrize("text", ["max(/j.effort) > 30", "not min(abs(/j.effort)) > 30", "max(/j.effort[0]) > 1"])
-def test_where_no_number_is_left_there_is_no_value(text):
-    with pytest.raises(NoValue):
-        Expression(text).holds({"/j": {"effort": [math.nan, math.nan]}})
+@pytest.mark.parametrize("text, holds", [
+    ("max(/j.effort) > 30", False), ("min(/j.effort) < 30", False), ("max(/j.effort[0]) > 1", False),
+    ("not min(abs(/j.effort)) > 30", True), ("max(/j.effort) > 30 or /io.data", True),
+    ("/io.data or max(/j.effort) > 30", True)])
+def test_where_no_number_is_left_the_rest_of_the_condition_counts(text, holds):
+    assert Expression(text).holds({"/j": {"effort": [math.nan, math.nan]}, "/io": {"data": True}}) is holds
 
 
 @pytest.mark.parametrize("text, holds", [("/j.x > 3", False), ("/j.x < 3", False), ("/j.x == /j.x", False),

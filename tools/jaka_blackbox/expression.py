@@ -2,10 +2,11 @@
 
 The language has numbers, ``'texts'``, ``true`` and ``false``; fields as ``TOPIC.field.field[index]``; ``+ - *``;
 comparisons; ``and``, ``or``, ``not``; ``abs``, ``min`` and ``max``, which take whole arrays, too. ``min`` and ``max``
-leave NaN out; compared, it is neither larger, smaller nor equal. Python parses it with a name in place of each field,
-number and text; nothing of it is given to Python to execute.
+leave NaN out, and are NaN where nothing else is left; compared, it is neither larger, smaller nor equal.
+Python parses it with a name in place of each field, number and text; nothing of it is given to Python to execute.
 """
 import ast
+import math
 import operator
 import re
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
@@ -80,10 +81,7 @@ def _all_numbers(values: List[Any]) -> List[Any]:
         found.extend(value if isinstance(value, (list, bytes)) else [value])
     if not found:
         raise NoValue("an array is empty")
-    numbers = [value for value in map(_number, found) if value == value]
-    if not numbers:
-        raise NoValue("all are NaN")
-    return numbers
+    return [value for value in map(_number, found) if value == value] or [math.nan]
 
 
 def _absolute(values: List[Any]) -> Any:
