@@ -70,3 +70,4 @@ def test_answers_that_wait_are_bounded_in_bytes():
     assert outbox.answer(frame * 100), "one alone may be larger"
     assert not outbox.answer("x")
     assert outbox.take() is not None and outbox.answer("x")
+    assert outbox.answer(frame * 100), "what waits is small, whatever comes"

@@ -9,7 +9,7 @@ _HEAD_BYTES = 128
 MAX_ANSWERS = 1024
 """Answers that may wait; a viewer that asks for more without reading them is disconnected."""
 MAX_ANSWER_BYTES = 32 << 20
-"""Bytes of answers that may wait, or the limit of messages where that is more; one may wait whatever its size."""
+"""Bytes of answers that may wait, or the limit of messages where that is more; below it any answer may be added."""
 
 Frame = Union[str, bytes]
 
@@ -58,7 +58,7 @@ class Outbox:
 
     def answer(self, frame: Frame) -> bool:
         """Add a frame that must not be lost; return False where too many of them wait already."""
-        if len(self._answers) >= MAX_ANSWERS or self._answers and self._answer_size + len(frame) > self._answer_limit:
+        if len(self._answers) >= MAX_ANSWERS or self._answer_size >= self._answer_limit:
             return False
         self._answer_size += len(frame)
         self._answers.append((self._next_number(), frame))
