@@ -49,11 +49,21 @@ def test_a_model_file_is_in_the_evidence_as_it_was_before_the_accident(tmp_path)
     assert str(path) not in evidence.facts()["missing"]
 
 
+@pytest.mark.parametrize("merged", ["*r", "[*r]"])
+def test_a_model_file_with_merged_rows_is_in_the_evidence(tmp_path, merged):
+    path = tmp_path / "my_zu5.yaml"
+    row = "- {a: 0.0, d: 121.1, alpha: 0.0}\n"
+    text = MODEL.replace(row * 6, row.replace("- ", "- &r ") + ("- {<<: %s, d: 5.0}\n" % merged) * 5)
+    path.write_text(text)
+    assert dh_file(evidence_of(str(path))) == text.encode()
+
+
 @pytest.mark.parametrize("text", [
     "-----BEGIN OPENSSH PRIVATE KEY-----\nabc\n", "root:x:0:0:root:/root:/bin/bash\n", "password: secret\n", "", "7",
     "[]", "family: a\ndh_standard: 5\njoint_limits_deg: []\njoint_max_speed_deg_s: []\n", "[" * 5000,
     "\t: {", "a: 2020-99-99", "[&a 1, *b]", MODEL + "token: abc\n", MODEL + "? [a]\n: abc\n", "[" * 900000,
-    MODEL + "#" * (1 << 20)])
+    MODEL + "#" * (1 << 20), MODEL.replace("{a: 0.0, d: 121.1, alpha: 0.0}", "{<<: secret}"),
+    MODEL.replace("{a: 0.0, d: 121.1, alpha: 0.0}", "{<<: []}")])
 def test_what_is_no_arm_model_is_named_and_not_copied(tmp_path, text):
     path = tmp_path / "file"
     path.write_text(text)

@@ -71,5 +71,12 @@ def _is_model(node: Any) -> bool:
     if not _KEYS <= set(model) <= _KEYS | _MORE_KEYS or len(model) != len(node.value):
         return False
     rows = model["dh_standard"]
-    return rows.id == "sequence" and len(rows.value) == _ROWS and all(
-        {"a", "d", "alpha"} <= set(_entries(row)) for row in rows.value)
+    return rows.id == "sequence" and len(rows.value) == _ROWS and all(map(_is_row, rows.value))
+
+
+def _is_row(node: Any) -> bool:
+    """Return whether a node has a joint's parameters, or merges mappings, which are not looked into."""
+    row = _entries(node)
+    merged = row.get("<<")
+    some = merged.value if merged is not None and merged.id == "sequence" else [merged]
+    return {"a", "d", "alpha"} <= set(row) or any(some) and all(map(_entries, some))
