@@ -14,7 +14,7 @@ from fleet_logs import FIRST_DAY, Run, write_plant, write_run
 from log_samples import POSE, START_NS, Sample, joints, pose, state_log, states, tool, write
 
 from jaka_bag.cli.main import main
-from jaka_bag.engines.tasks import LogTask
+from jaka_bag.engines.tasks import DONE, LogTask
 from jaka_bag.errors import MissingDependency, UsageError
 from jaka_bag.operations.export import export
 from jaka_fleet.dataset.adding import AddSettings, add_log, cell_of, find_logs
@@ -120,21 +120,6 @@ def test_a_record_with_a_number_that_cannot_be_meant_leaves_the_log_whole(tmp_pa
     assert add(tmp_path / "with.mcap", "--to", tmp_path / "fleet") == 0
     row, = rows(tmp_path / "fleet")
     assert row.status == WHOLE and row.lost == 0 and [trigger.at for trigger in row.triggers] in ([], [0])
-
-
-def test_a_log_that_was_recovered_and_is_whole_now_is_said_to_be_in_twice(tmp_path, capsys):
-    log, target = write(tmp_path / "a.bag", state_log(1.0)), tmp_path / "fleet"
-    whole = log.read_bytes()
-    log.write_bytes(whole[:len(whole) // 2])
-    assert add(log, "--to", target) == 0
-    recovered, = rows(target)
-    log.write_bytes(whole)
-    capsys.readouterr()
-    assert add(log, "--to", target) == 0
-    said = capsys.readouterr()
-    assert "note: %s: " % log in said.err + said.out and recovered.run in said.err + said.out
-    assert sorted(row.status for row in rows(target)) == [RECOVERED, WHOLE]
-    assert add(log, "--to", target) == 0 and "note" not in "".join(capsys.readouterr())
 
 
 def test_a_log_that_is_in_is_left_alone_under_any_name_and_as_a_copy(tmp_path, capsys):
@@ -286,6 +271,19 @@ def test_a_row_that_is_compacted_while_it_is_looked_for_is_found(tmp_path, monke
 
     monkeypatch.setattr(FolderStore, "open", compacted_first)
     assert find_status(store, row.hash) == WHOLE
+
+
+@pytest.mark.parametrize("url", [False, True])
+def test_the_compacted_rows_are_read_once_for_each_log(tmp_path, monkeypatch, url):
+    write_plant(tmp_path / "logs", 1, 2)
+    target = ("file://%s" if url else "%s") % (tmp_path / "fleet")
+    first, second = find_logs([str(tmp_path / "logs")])
+    assert add(first, "--to", target) == 0 and compact(open_store(target)) == 1
+    opened, kind = [], type(open_store(target))
+    real = kind.open
+    monkeypatch.setattr(kind, "open", lambda store, name: opened.append(name) or real(store, name))
+    assert add_log(LogTask(second, AddSettings(target))).status == DONE
+    assert opened.count("runs/compacted.parquet") == 1 and len(opened) == 2
 
 
 @pytest.mark.parametrize("content, said", [

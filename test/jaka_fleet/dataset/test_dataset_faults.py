@@ -167,13 +167,17 @@ def test_two_writers_and_one_who_compacts_do_not_disturb_each_other(tmp_path, lo
     assert rows == read_runs(open_store(str(logs.parent / "undisturbed"))) and len(rows) == 6
 
 
-def test_one_log_that_is_added_twice_at_once_for_two_cells_is_in_once(tmp_path, logs, monkeypatch, capsys):
+@pytest.mark.parametrize("is_compacted", [False, True])
+def test_one_log_that_is_added_twice_at_once_for_two_cells_is_in_once(tmp_path, logs, monkeypatch, capsys,
+                                                                      is_compacted):
     target, log = tmp_path / "fleet", logs / "press_1" / "day_0.mcap"
     real = adding.write_row
 
     def another_is_faster(row, path):
         monkeypatch.setattr(adding, "write_row", real)
         assert add(log, target, "--jobs", "1", "--cell", "right") == 0
+        if is_compacted:
+            compact(open_store(str(target)))
         real(row, path)
 
     monkeypatch.setattr(adding, "write_row", another_is_faster)

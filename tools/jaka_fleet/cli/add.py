@@ -19,9 +19,8 @@ from ..dataset.runs import (
     compact,
     is_in,
     loose_count,
-    read_table,
 )
-from ..dataset.store import FolderStore, Store, open_store
+from ..dataset.store import FolderStore, open_store
 from .engine import add_engine, choose_engine, for_workers, work_through
 
 EPILOG = """\
@@ -64,16 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_report(parser)
 
 
-def _in_twice(store: Store, rows: List[RunRow]) -> List[str]:
-    """Return a line for each log of which an earlier, damaged state is in the data set: its messages count twice."""
-    added = {row.path: row.hash for row in rows if row.status != UNREADABLE}
-    if not added:
-        return []
-    earlier = read_table(store, ["path", "status", "run"]).to_pylist()
-    return ["%s: what was recovered of it earlier is in the data set, too, as run %s" % (row["path"], row["run"])
-            for row in earlier if row["status"] == RECOVERED and added.get(row["path"], row["hash"]) != row["hash"]]
-
-
 def run(args: argparse.Namespace) -> int:
     """Add logs; the exit code."""
     load_pyarrow()
@@ -113,7 +102,6 @@ def run(args: argparse.Namespace) -> int:
         tally = work_through(add_log, tasks, choice, report, take)
     finally:
         tidy_up()
-    report.tell("note", _in_twice(store, rows))
     if loose_count(store) > COMPACT_ABOVE and isinstance(store, FolderStore):
         compact(store)
     failed = tally.failed

@@ -32,7 +32,9 @@ from jaka_bag.units import NS_PER_S
 
 from .log_facts import read_facts
 from .runs import (
+    COMPACTED,
     COMPRESSION,
+    FOLDER,
     RECOVERED,
     RESERVED,
     UNREADABLE,
@@ -172,6 +174,13 @@ def add_log(task: LogTask) -> LogResult:
             status = find_status(store, source.hash)
             return status is None or settings.is_again and status == UNREADABLE
 
+        def is_still_to_be_added() -> bool:
+            # the compacted rows are many, and were looked at before: they count again only where they are others
+            is_as_before = store.stamp(compacted) == before and not store.exists(name_of(source.hash))
+            return is_as_before or is_to_be_added()
+
+        compacted = "%s/%s" % (FOLDER, COMPACTED)
+        before = store.stamp(compacted)
         is_there = LogResult(task.path, SKIPPED, "it is in the data set", source.size, 0, source.hash)
         if not is_to_be_added():
             return is_there
@@ -181,7 +190,7 @@ def add_log(task: LogTask) -> LogResult:
             row_path = staging.folder / "row"
             write_row(row, row_path)
             # another program may have added the same log meanwhile, and under another cell, with other names
-            if not staging.publish([*tables, (row_path, name_of(row.hash))], is_to_be_added):
+            if not staging.publish([*tables, (row_path, name_of(row.hash))], is_still_to_be_added):
                 return is_there
     return LogResult(task.path, DONE, row.reason, source.size, row.messages, row)
 

@@ -99,6 +99,10 @@ class Store:
         """Return the sorted names in a folder, without the folder's; none if it is not there."""
         raise NotImplementedError
 
+    def stamp(self, name: str) -> Tuple[int, ...]:
+        """Return what is another whenever a file is replaced; nothing where it is not there, or nobody can tell."""
+        return ()
+
     def open(self, name: str) -> BinaryIO:
         """Open a file for reading, seekable.
 
@@ -161,6 +165,13 @@ class FolderStore(Store):
             return sorted(os.listdir(str(self._root / folder)))
         except (FileNotFoundError, NotADirectoryError):
             return []
+
+    def stamp(self, name: str) -> Tuple[int, ...]:
+        try:
+            state = (self._root / name).stat()
+        except FileNotFoundError:
+            return ()
+        return state.st_ino, state.st_size, state.st_mtime_ns
 
     def open(self, name: str) -> BinaryIO:
         return (self._root / name).open("rb")
