@@ -1,4 +1,5 @@
 """Services of the graph whose addresses or headers are odd: the others are shown, and the watch goes on."""
+import asyncio
 import contextlib
 import socket
 import struct
@@ -15,6 +16,7 @@ from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import accept_all
 from jaka_bag.live.tcpros import encode_header
 from jaka_bag.live.topic_selection import TopicSelection
+from jaka_foxglove import service_calls
 from jaka_foxglove.live_topics import LiveOptions, LiveTopics
 from jaka_foxglove.service_calls import ServiceCalls
 
@@ -33,8 +35,9 @@ def installed(monkeypatch):
 
 
 @contextlib.contextmanager
-def server_of(header):
-    """Answer each probe with this header; yield the address."""
+def server_of(header, breaks=0):
+    """Answer each probe with this header, but break the first links; yield the address."""
+    broken = [None] * breaks
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
     listener.listen(8)
@@ -48,6 +51,9 @@ def server_of(header):
             with link, contextlib.suppress(OSError):
                 link.settimeout(PATIENCE_S)
                 link.recv(struct.unpack("<I", link.recv(4))[0])
+                if broken:
+                    broken.pop()
+                    continue
                 link.sendall(encode_header(header))
     thread = threading.Thread(target=serve)
     thread.start()
@@ -72,9 +78,18 @@ class Master:
 
 
 def shown(services):
-    """Return the names of the services that are shown of these."""
-    calls, found = ServiceCalls("/viewers", "/", lambda text: None), []
-    calls.look(Master(services), lambda by_number, frames: found.extend(one.name for one in by_number.values()))
+    """Return the names of the services that are shown of these, once there are any."""
+    return shown_by(ServiceCalls("/viewers", "/", lambda text: None), Master(services))
+
+
+def shown_by(calls, master):
+    """Look until something is told, and return the names that are shown then; no look may be held up."""
+    found, until = [], time.monotonic() + PATIENCE_S
+    while not found and time.monotonic() < until:
+        since = time.monotonic()
+        calls._due = 0.0
+        calls.look(master, lambda by_number, frames: found.extend(sorted(one.name for one in by_number.values())))
+        assert time.monotonic() - since < 4.0
     return found
 
 
@@ -91,20 +106,48 @@ def test_a_node_that_hangs_holds_up_neither_the_watch_nor_the_others():
         hung.listen(8)  # it takes links, and never says a word
         silent = "rosrpc://127.0.0.1:%d" % hung.getsockname()[1]
         master = Master({"/a": silent, "/b": silent, "/c": good})
-        calls, found = ServiceCalls("/viewers", "/", lambda text: None), []
-        for _ in range(2):
-            since = time.monotonic()
-            calls._due = 0.0
-            calls.look(master, lambda by_number, frames: found.append(
-                sorted(one.name for one in by_number.values())))
-            assert time.monotonic() - since < 4.0
-        assert found == [["/c"]]
+        calls = ServiceCalls("/viewers", "/", lambda text: None)
+        assert shown_by(calls, master) == ["/c"]
         with server_of(GOOD) as later:
             master.services["/d"] = later
+            assert shown_by(calls, master) == ["/c", "/d"]
+
+
+def test_a_node_that_hangs_is_asked_by_one_thread_at_a_time(monkeypatch):
+    monkeypatch.setattr(service_calls, "_CONNECT_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(service_calls, "_PATIENCE_S", 0.05)
+    with socket.socket() as hung:
+        hung.bind(("127.0.0.1", 0))
+        hung.listen(99)
+        silent = "rosrpc://127.0.0.1:%d" % hung.getsockname()[1]
+        calls = ServiceCalls("/viewers", "/", lambda text: None)
+        master = Master({"/%d" % number: silent for number in range(8)})
+        before, most, until = set(threading.enumerate()), 0, time.monotonic() + 2.0
+        while time.monotonic() < until:
             calls._due = 0.0
-            calls.look(master, lambda by_number, frames: found.append(
-                sorted(one.name for one in by_number.values())))
-        assert found[1:] == [["/c", "/d"]]
+            calls.look(master, lambda by_number, frames: None)
+            most = max(most, len(set(threading.enumerate()) - before))
+            time.sleep(0.02)
+    assert 1 <= most <= 2, "a thread that ends may be seen beside the next one"
+
+
+@pytest.mark.filterwarnings("ignore")  # the thread ends by what nobody foresaw
+def test_services_are_asked_again_where_the_asking_itself_failed(monkeypatch):
+    real, failed = asyncio.run, []
+
+    def fails_once(asking):
+        if failed:
+            return real(asking)
+        failed.append(asking.close())
+        raise OSError("too many open files")
+    monkeypatch.setattr(asyncio, "run", fails_once)
+    with server_of(GOOD) as good:
+        assert shown({"/a": good}) == ["/a"] and failed
+
+
+def test_a_service_whose_link_breaks_leaves_the_others_of_its_node_shown():
+    with server_of(GOOD, breaks=1) as good:
+        assert "/b" in shown({"/a": good, "/b": good})
 
 
 @pytest.mark.parametrize("type_name", ["", "./x", "..", "cell_msgs/", "/", "cell_msgs/\0", "a b/c"])

@@ -34,6 +34,10 @@ _Place = Tuple[str, str]
 """Name and address of a service."""
 
 
+class _Silent(ConnectionLost):
+    """A node that cannot be reached, or takes a link and says nothing; one that breaks a link may answer the next."""
+
+
 class _Definition(NamedTuple):
     """A service type as the generated module has it."""
 
@@ -98,7 +102,7 @@ class _ServiceLink:
             self._reader, self._writer = await asyncio.wait_for(asyncio.open_connection(*self._address),
                                                                 _CONNECT_TIMEOUT_S)
         except (OSError, asyncio.TimeoutError) as error:
-            raise ConnectionLost("%s cannot be reached: %s" % (self._name, error)) from error
+            raise _Silent("%s cannot be reached: %s" % (self._name, error)) from error
         except ValueError as error:  # UnicodeError: a host that cannot be asked for
             raise ProtocolError("%s:%d of %s is no address: %s" % (*self._address, self._name, error)) from error
         try:
@@ -107,7 +111,7 @@ class _ServiceLink:
             self.fields = decode_header(header)
         except asyncio.TimeoutError:
             self._writer.close()
-            raise ConnectionLost("%s does not answer" % self._name) from None
+            raise _Silent("%s does not answer" % self._name) from None
         except BaseException:
             self._writer.close()
             raise
@@ -204,7 +208,7 @@ class ServiceCalls:
         new = [place for place in places if place not in self._asked and place not in self._answers]
         if new:
             self._asked.update(new)
-            asking = threading.Thread(target=lambda: asyncio.run(self._probe_all(new)), daemon=True)
+            asking = threading.Thread(target=self._ask_all, args=(new,), daemon=True)
             asking.start()
             asking.join(_PATIENCE_S)
         for place in places:
@@ -213,6 +217,13 @@ class ServiceCalls:
                 raise answer  # what nobody foresaw
             if answer is not None:
                 self._known[place] = self._learn(place[0], answer)
+
+    def _ask_all(self, new: Sequence[_Place]) -> None:
+        """Ask for all of these before any is asked again: a node that hangs would be asked by ever more threads."""
+        try:
+            asyncio.run(self._probe_all(new))
+        finally:
+            self._asked.difference_update(new)
 
     async def _probe_all(self, places: Sequence[_Place]) -> None:
         """Ask all nodes at the same time, each for one service after the other."""
@@ -223,18 +234,15 @@ class ServiceCalls:
 
     async def _probe_node(self, places: Sequence[_Place]) -> None:
         for place in places:
-            await self._probe(place)
-
-    async def _probe(self, place: _Place) -> None:
-        try:
-            async with _ServiceLink(self._node, *place, "*", True) as link:
-                self._answers[place] = link.fields
-        except (ConnectionLost, ProtocolError):
-            pass  # it does not answer now; asked again the next time
-        except Exception as error:
-            self._answers[place] = error
-        finally:
-            self._asked.discard(place)
+            try:
+                async with _ServiceLink(self._node, *place, "*", True) as link:
+                    self._answers[place] = link.fields
+            except _Silent:
+                return  # nor would its other services answer now; all are asked again the next time
+            except (ConnectionLost, ProtocolError):
+                continue  # asked again the next time
+            except Exception as error:
+                self._answers[place] = error
 
     def _learn(self, name: str, fields: Dict[str, str]) -> Optional[Service]:
         type_name, md5sum = fields.get("type", ""), fields.get("md5sum", "")
