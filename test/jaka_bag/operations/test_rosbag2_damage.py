@@ -12,6 +12,7 @@ from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers import rosbag2_folder, rosbag2_reader
+from jaka_bag.containers.compression import unpack_file
 from jaka_bag.containers.index import storage_files
 from jaka_bag.containers.registry import open_log
 
@@ -168,6 +169,21 @@ def test_a_file_that_is_there_and_not_named_is_not_left_out(plain, tmp_path, cap
     assert "run_10%s is not named by metadata.yaml" % suffix in capsys.readouterr().out
     assert main(["recover", str(folder), str(tmp_path / "all"), "-q"]) == 0
     assert content(tmp_path / "all") == messages
+
+
+@pytest.mark.parametrize("storage", [SQLITE3, MCAP])
+def test_a_file_that_rosbag2_has_unpacked_in_place_is_no_second_one(plain, tmp_path, capsys, storage):
+    folder = by_rosbags(plain, tmp_path / "run", storage, "FILE")
+    (packed,) = folder.glob("*.zstd")
+    with open(packed, "rb") as file, open(packed.with_suffix(""), "wb") as unpacked:
+        unpack_file(file.fileno(), packed.stat().st_size, unpacked)
+    with open_log(folder) as reader:
+        assert not reader.index.notes
+    assert main(["doctor", str(folder)]) == 0
+    assert "whole: %d messages" % len(content(plain)) in capsys.readouterr().out
+    (folder / "metadata.yaml").unlink()
+    assert main(["recover", str(folder), "-q"]) == 0
+    assert content(tmp_path / "run_recovered") == content(plain)
 
 
 def test_counts_and_times_in_metadata_are_compared_with_the_files(plain, tmp_path, capsys):

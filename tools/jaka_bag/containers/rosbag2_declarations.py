@@ -5,7 +5,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..errors import BagError
 from ..paths import PathLike
-from .index import METADATA
+from .index import METADATA, PACKED
 
 _ROUNDING = 1000
 """Difference of times, ns, that is none: recorders round them."""
@@ -80,5 +80,9 @@ def declarations(folder: PathLike) -> Declarations:
 
 
 def unnamed(names: Sequence[str], there: Sequence[str]) -> List[str]:
-    """Return a line for each file of messages that is in a folder, and not among the names of its declarations."""
-    return ["%s is not named by %s" % (name, METADATA) for name in there if name not in names]
+    """Return a line for each file of messages that is in a folder, and not among the names of its declarations.
+
+    rosbag2 leaves what it unpacks beside the compressed file, which alone is named.
+    """
+    return ["%s is not named by %s" % (name, METADATA) for name in there
+            if name not in names and name + PACKED not in there]

@@ -53,7 +53,7 @@ class Rosbag2Recovery(LogRecovery):
         for name in names:
             if name not in there:
                 self.losses.append(Loss(0, 0, "%s names it, and it is not there" % METADATA, file=name))
-        strangers = [name for name in there if name not in names]
+        strangers = [name for name in there if name not in names and name + PACKED not in there]
         if names:
             self._contradictions += unnamed(names, there)
         self._files = [name for name in names if name in there] + strangers
