@@ -1,7 +1,9 @@
 """Storage files of rosbag2 as nobody's recorder makes them: a clear error or the messages that are there."""
+import contextlib
 import resource
 import sqlite3
 import struct
+import time
 
 import pytest
 import yaml
@@ -10,6 +12,7 @@ from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.contract import _Renumbering
+from jaka_bag.containers.sqlite_recovery import SqliteRecovery
 from jaka_bag.errors import BagFormatError
 from jaka_bag.messages.batch import np
 
@@ -88,6 +91,23 @@ def test_rows_without_a_number_are_damaged(tmp_path, capsys, key, rows, kept):
         assert [sample.data for sample in read(tmp_path / "kept.mcap")] == [cdr(text) for text in kept]
     else:
         assert "no message could be read" in told and told.count("\n") == 1
+
+
+def test_a_damaged_page_of_rows_whose_numbers_are_texts_costs_a_few_losses(tmp_path):
+    path = database_of(tmp_path / "run.db3", [(1, "/a")], [("n%03d" % i, 1, b"x" * 400) for i in range(32)],
+                       "TEXT PRIMARY KEY")
+    with contextlib.closing(sqlite3.connect(str(path))) as database:
+        (root,), (page,) = (database.execute(text).fetchone() for text in (
+            "SELECT rootpage FROM sqlite_master WHERE name = 'messages'", "PRAGMA page_size"))
+    raw = bytearray(path.read_bytes())
+    last, = struct.unpack_from(">I", raw, (root - 1) * page + 8)  # the page below of the greatest numbers
+    raw[(last - 1) * page:last * page] = b"\xff" * page
+    path.write_bytes(bytes(raw))
+    begun = time.process_time()
+    with path.open("rb") as file:
+        walk = SqliteRecovery(file.fileno(), len(raw))
+        assert not sum(len(stretch.batch) for stretch in walk.stretches())
+    assert 0 < len(walk.losses) < 50 and time.process_time() - begun < 5.0
 
 
 def test_rows_of_negative_numbers_are_messages(tmp_path):

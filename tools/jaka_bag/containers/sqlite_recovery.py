@@ -93,11 +93,14 @@ class SqliteRecovery(LogRecovery):
 
     def _next_row(self, database: sqlite3.Connection, begin: int, last: int) -> int:
         """Return the number of the first row from ``begin`` on that can be reached; ``last`` + 1 where none can."""
+        found: Any = None
+
         def is_reached(number: int) -> bool:
+            nonlocal found
             try:
                 found = database.execute("SELECT id, timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1",
                                          (number,)).fetchone()
-                return found is not None and (not isinstance(found[0], int) or found[0] >= number)
+                return found is not None and isinstance(found[0], int) and found[0] >= number
             except sqlite3.Error:
                 return False
 
@@ -107,6 +110,8 @@ class SqliteRecovery(LogRecovery):
                 return last + 1
             if is_reached(number):
                 break
+            if found and isinstance(found[0], (str, bytes)):  # they sort behind every number
+                return last + 1
             step = 1 if tried < _SINGLE_STEPS else 2 * step
             number += step
         while step > 1:  # the first behind the damage lies in the last step
