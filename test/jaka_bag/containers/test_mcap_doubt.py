@@ -1,6 +1,7 @@
 """MCAP files whose records do not say what they are: nothing is dropped, made up or called whole without a word."""
 import io
 import struct
+import time
 import zlib
 
 import pytest
@@ -11,6 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_variants import (
     ATTACHMENT,
+    ATTACHMENT_INDEX,
     CHANNEL,
     CHUNK,
     DATA_END,
@@ -28,6 +30,7 @@ from mcap_variants import (
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.records import records_in
+from jaka_bag.containers.mcap.recovery import McapRecovery
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.operations.diagnosis import diagnose
@@ -297,6 +300,20 @@ def test_an_attachment_whose_kind_is_damaged_is_told_as_lost(tmp_path):
                 path.write_bytes(flipped(raw, at, bit))
                 losses = recover(path, tmp_path / "kept.mcap", overwrite=True).losses
                 assert any(loss.begin == at for loss in losses), (kind, bit, losses)
+
+
+def test_a_summary_that_names_very_many_attachments_that_are_not_there_is_told_soon(tmp_path):
+    path = tmp_path / "log.mcap"
+    begin = MAGIC + record(HEADER, text("ros1") + text("test")) + record(DATA_END, bytes(4))
+    entries = b"".join(record(ATTACHMENT_INDEX, struct.pack("<5Q", len(begin) + 7 * i, 7, 0, 0, 0) + text("a%d" % i)
+                                                  + text("")) for i in range(20000))
+    path.write_bytes(begin + entries + record(FOOTER, struct.pack("<QQI", len(begin), 0, 0)) + MAGIC)
+    begun = time.process_time()
+    with path.open("rb") as file:
+        walk = McapRecovery(file.fileno(), path.stat().st_size)
+        assert not list(walk.stretches())
+    assert time.process_time() - begun < 5.0
+    assert len([loss for loss in walk.losses if "of which the summary tells" in loss.reason]) == 20000
 
 
 def test_a_message_index_that_became_a_message_is_none(tmp_path):

@@ -3,6 +3,7 @@
 Functions that read raise ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import bisect
+import itertools
 import os
 import struct
 import zlib
@@ -108,9 +109,13 @@ class McapRecovery(LogRecovery):
         It is called behind the walk.
         """
         found = {entry.position for entry in self.attachments} | {entry.position for entry in self.metadata}
+        lost = sorted((loss.begin, loss.end) for loss in self.losses)
+        begins, ends = [begin for begin, _ in lost], list(itertools.accumulate((end for _, end in lost), max))
         for position, end, what in self._extras:
-            if position not in found and not any(loss.begin <= position < loss.end for loss in self.losses):
+            before = bisect.bisect_right(begins, position)
+            if position not in found and not (before and position < ends[before - 1]):
                 self.lose(position, end, "%s, of which the summary tells, is not there" % what)
+                found.add(position)
         if self._has_unchecked and self._has_right_crc(self._data_end) is False:
             self.lose(self._begin, self._data_end, "the data section's CRC is wrong: messages outside of chunks, and "
                       "of chunks without a CRC, which were kept, may not be as recorded")
