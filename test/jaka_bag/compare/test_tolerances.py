@@ -2,9 +2,11 @@
 import re
 
 import pytest
+from cell_logs import steady, write_cell
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.tolerances import (
     FieldTolerance,
     JointTolerance,
@@ -15,6 +17,7 @@ from jaka_bag.compare.tolerances import (
     load_tolerances,
     parse_tolerances,
 )
+from jaka_bag.errors import BagError
 
 
 def test_the_defaults_survive_being_written_and_read():
@@ -58,6 +61,13 @@ def test_nothing_is_the_defaults():
 def test_what_is_not_understood_is_refused_with_the_key(text, words):
     with pytest.raises(ToleranceError, match=words):
         parse_tolerances(text, "cell.yaml")
+
+
+@pytest.mark.parametrize("value", ["open", "open\0"])
+def test_a_rule_for_a_field_of_texts_is_refused(value, tmp_path):
+    path = write_cell(tmp_path / "log.mcap", steady("/cell/gripper", 10.0, 3.0, lambda now, number: value))
+    with pytest.raises(BagError, match="/cell/gripper has no numeric field data"):
+        compare_logs(path, path, parse_tolerances("fields: {/cell/gripper: {data: {absolute: 0.1}}}"))
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):

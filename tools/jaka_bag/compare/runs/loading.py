@@ -15,7 +15,7 @@ from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, MessageBatch, distinct
-from ...messages.columns import Columns, columns_of
+from ...messages.columns import Columns, columns_of, is_ragged
 from ...messages.columns import Part as DecodedPart
 from ...messages.definitions import definition_md5
 from ...messages.encodings import described, types_of
@@ -328,7 +328,7 @@ class _Loader:
     def _further_field(self, topic: str, columns: Columns, name: str, them: Optional[Publishers]) -> Dict[str, Part]:
         """Return the tracks of a field that has a tolerance of its own, by name."""
         column = columns.fields.get(name)
-        if column is None or column.dtype.kind not in "biufO":
+        if column is None or column.dtype.kind not in "biufO" or column.dtype == object and not is_ragged(column):
             raise BagError("%s: %s has no numeric field %s" % (self._reader.path, topic, name))
         column = column if column.ndim == 2 or column.dtype == object else column[:, None]
         if them is not None:
