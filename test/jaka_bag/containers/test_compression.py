@@ -1,5 +1,7 @@
+import bz2
 import os
 import random
+import time
 
 import pytest
 from log_samples import in_order, read, state_log, write
@@ -30,6 +32,27 @@ def test_what_is_compressed_comes_back(codec):
 def test_another_size_than_told_is_an_error(codec):
     with pytest.raises(BagFormatError):
         decompress(codec, compressor(codec)(DATA), len(DATA) - 1)
+
+
+@pytest.mark.parametrize("codec, count", [("lz4", 250000), ("bz2", 250000)])
+def test_very_many_empty_frames_take_no_time_of_their_square(codec, count):
+    plain = frame.compress(b"end") if codec == "lz4" else bz2.compress(b"end")
+    empty = frame.compress(b"", store_size=False) if codec == "lz4" else bz2.compress(b"")
+    begun = time.process_time()
+    assert decompress(codec, empty * count + plain, 3) == b"end"
+    assert time.process_time() - begun < 6.0
+
+
+@pytest.mark.parametrize("codec", ["lz4", "bz2"])
+@pytest.mark.parametrize("sizes", [(200000,), (1, 0, 65536, 65537, 300000), (3, 4)])
+def test_frames_that_end_anywhere_are_read(codec, sizes):
+    pack = compressor(codec)
+    parts = [os.urandom(size) for size in sizes]
+    raw, whole = b"".join(map(pack, parts)), b"".join(parts)
+    assert decompress(codec, memoryview(raw), len(whole)) == whole
+    for wrong in (raw[:-1], raw + pack(b"x") if codec == "bz2" else raw[:len(raw) // 2]):
+        with pytest.raises(BagFormatError):
+            decompress(codec, wrong, len(whole))
 
 
 @pytest.mark.parametrize("codec", ["lz4", "zstd", "bz2"])

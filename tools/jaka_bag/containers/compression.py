@@ -153,18 +153,24 @@ def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
 
 
 def _decompress_streams(new_decoder: Callable[[], Any], data: Buffer, size: int, may_have_rest: bool) -> bytes:
-    """Decompress the streams of a chunk; what follows its ``size`` bytes is more than claimed, or may be there."""
+    """Decompress the streams of a chunk; what follows its ``size`` bytes is more than claimed, or may be there.
+
+    The first is given all, as there mostly is no other; further ones get pieces that grow, because a decoder copies all
+    that follows its stream.
+    """
     parts: List[bytes] = []
-    total, rest = 0, data
+    total, rest, step = 0, memoryview(data), len(data)
     while len(rest) and total <= size and not (may_have_rest and parts and total == size):
         decoder = new_decoder()
-        parts.append(_bounded(decoder, rest, size - total))
-        total += len(parts[-1])
-        if not decoder.eof:
-            if total <= size:
+        while not decoder.eof and total <= size:
+            if decoder.needs_input and not len(rest):
                 raise EOFError("it ends too early")
-            break
-        rest = decoder.unused_data or b""
+            piece = rest[:step] if decoder.needs_input else rest[:0]
+            rest, step = rest[len(piece):], 2 * step
+            parts.append(_bounded(decoder, piece, size - total))
+            total += len(parts[-1])
+        used = len(data) - len(rest) - len(decoder.unused_data or b"")
+        rest, step = memoryview(data)[used:], _PIECE
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
