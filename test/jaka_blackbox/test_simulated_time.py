@@ -27,7 +27,7 @@ class Bench:
         console = SimpleNamespace(always=self.said.append, say=self.said.append)
         recording = LogRecording(args, NODE, console)
         self.assembly = Assembly(recording)
-        recording.prepare(self.assembly.open, self.assembly.selection())
+        recording.prepare(self.assembly.open, self.assembly.selection(), clock_wait_s=0.1)
         self.writer = recording.writer
         self.writer.is_simulated_time = True
         self.writer.start()

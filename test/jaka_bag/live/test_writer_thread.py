@@ -13,6 +13,7 @@ from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, WriteFailed
+from jaka_bag.live import writer_thread
 from jaka_bag.live.rolling_files import Attachment, DiskFull, FileSettings, RollingFiles
 from jaka_bag.live.stream_account import PublisherStream
 from jaka_bag.live.writer_thread import WriterThread
@@ -103,8 +104,26 @@ def test_without_any_clock_messages_are_kept_at_the_earliest_time(tmp_path):
     assert [entry[:2] for entry in bench.log()] == [("/b", 1)]
 
 
+def test_messages_wait_for_a_clock_that_comes_late(tmp_path, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(writer_thread.time, "monotonic", lambda: now[0])
+    bench = Bench(tmp_path, is_simulated_time=True, buffer_bytes=250)
+    recorder = bench.recorder
+    stream = recorder.open_stream(string_connection("/b"), "http://n/")
+    clock = recorder.open_stream(string_connection("/clock"), "http://n/", is_wanted=False)
+    recorder.take(stream, 7 * S, b"x" * 100)
+    for now[0] in (100.0, 102.5, 130.0, 159.0):
+        assert recorder._waits_for_clock()
+    recorder.take(stream, 7 * S, b"x" * 100)
+    assert not recorder._waits_for_clock(), "less than half of the buffer is free"
+    recorder.take(clock, 9 * S, clock_message(60))
+    recorder.start()
+    recorder.finish()
+    assert [entry[1] for entry in bench.log()] == [60 * S, 60 * S]
+
+
 def test_messages_do_not_wait_for_a_clock_that_never_comes(tmp_path):
-    bench = Bench(tmp_path, is_simulated_time=True)
+    bench = Bench(tmp_path, is_simulated_time=True, clock_wait_s=0.1)
     bench.recorder.start()
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     try:

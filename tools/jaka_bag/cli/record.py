@@ -24,7 +24,7 @@ from ..live.session import RecordingSession, as_yaml, read_parameter, wait_for_m
 from ..live.stream_account import TopicDrops, drops_by_topic
 from ..live.subscriber import Subscriber, accept_all
 from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_selection
-from ..live.writer_thread import MessageFiles, WriterThread
+from ..live.writer_thread import CLOCK_WAIT_S, MessageFiles, WriterThread
 from ..messages.selection import compile_patterns
 from ..operations.signature import load_private_key, sign
 from . import quantities
@@ -202,7 +202,7 @@ class LogRecording:
         self._on_usr1: Optional[Callable[[], None]] = None
 
     def prepare(self, open_files: Callable[[], MessageFiles], selection: Optional[TopicSelection] = None,
-                buffer_bytes: Optional[int] = None, item_bytes: int = 0) -> None:
+                buffer_bytes: Optional[int] = None, item_bytes: int = 0, clock_wait_s: float = CLOCK_WAIT_S) -> None:
         """Set where messages go.
 
         Args:
@@ -210,10 +210,11 @@ class LogRecording:
             selection: The topics, where they are others than the command line's.
             buffer_bytes: Bytes of messages that may wait; None for the command line's limit.
             item_bytes: Cost of a waiting message besides its payload, byte.
+            clock_wait_s: Longest wait of messages for the first ``/clock``.
         """
         args = self.args
         self.writer = WriterThread(open_files, args.buffsize if buffer_bytes is None else buffer_bytes,
-                                   self.console.always, self._end, False, args.limit, item_bytes)
+                                   self.console.always, self._end, False, args.limit, item_bytes, clock_wait_s)
         self._session = RecordingSession(
             self.writer, selection or self.selection,
             is_of_namespace(self.names.namespace) if args.state_log else accept_all, self.console.always,

@@ -1,5 +1,6 @@
 """The writer of log files: a bounded buffer between the thread that receives messages and one that writes them."""
 import collections
+import math
 import struct
 import threading
 import time
@@ -17,8 +18,8 @@ _EARLIEST_NS = 1
 """Log time of messages under simulated time when no clock ever came (rosbag refuses 0)."""
 _UNKNOWN_NS = 0
 """Log time, in the buffer, of messages that wait for the first ``/clock``."""
-_CLOCK_WAIT_S = 2.0
-"""Longest wait of messages for the first ``/clock``, s; they are not on the disk meanwhile."""
+CLOCK_WAIT_S = 60.0
+"""Longest wait of messages for the first ``/clock``, s; they are not on the disk meanwhile. Gazebo starts slowly."""
 
 CLOCK_TOPIC = "/clock"
 
@@ -57,6 +58,7 @@ class WriterThread:
         is_simulated_time: Log times are those of ``/clock``, not the host's.
         limit: Messages to record of each topic; 0 for all.
         item_bytes: Cost of a waiting message besides its payload, byte.
+        clock_wait_s: Longest wait of messages for the first ``/clock``; it ends, too, when half the buffer is used.
         notice: Takes a line for the user.
         on_stop: Called from the writing thread, with the reason, when recording cannot or need not go on.
 
@@ -74,13 +76,14 @@ class WriterThread:
 
     def __init__(self, open_files: Callable[[], MessageFiles], buffer_bytes: int, notice: Callable[[str], None],
                  on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
-                 item_bytes: int = 0) -> None:
+                 item_bytes: int = 0, clock_wait_s: float = CLOCK_WAIT_S) -> None:
         self._open_files = open_files
         self._buffer_bytes = buffer_bytes
         self._notice = notice
         self._on_stop = on_stop
         self._limit = limit
         self._item_bytes = item_bytes
+        self._clock_wait_s = clock_wait_s
         self.is_simulated_time = is_simulated_time
         self.clock: Optional[int] = None
         self._first_clock: Optional[int] = None
@@ -239,17 +242,17 @@ class WriterThread:
 
     def _waits_for_clock(self) -> bool:
         """Return whether messages are still held back for the first ``/clock``; what comes after them waits, too."""
-        if self._first_clock is not None or self._ending.is_set():
+        if self._first_clock is not None or self._is_clock_missed or self._ending.is_set():
             return False
         now = time.monotonic()
         if self._clock_wait_end is None:
-            self._clock_wait_end = now + _CLOCK_WAIT_S
-        if now < self._clock_wait_end:
+            self._clock_wait_end = now + self._clock_wait_s
+        waiting = self._taken_bytes - self._passed_bytes
+        if now < self._clock_wait_end and 2 * waiting <= (self._buffer_bytes or math.inf):
             return True
-        if not self._is_clock_missed:
-            self._is_clock_missed = True
-            self._notice("no /clock comes, though /use_sim_time is true: messages are stored with the earliest log "
-                         "time, 1 ns, until it does")
+        self._is_clock_missed = True
+        self._notice("no /clock comes, though /use_sim_time is true: messages are stored with the earliest log time, "
+                     "1 ns, until it does")
         return False
 
     def _is_within_limit(self, topic: str) -> bool:

@@ -66,6 +66,8 @@ NODE = "jaka_black_box"
 _DRIVER = "jaka_driver"
 _SERVICE = "~trigger"
 _BEFORE_S, _AFTER_S = 60.0, 20.0
+_CLOCK_WAIT_S = 2.0
+"""Longest wait of messages for the first ``/clock``, s: triggers are looked for behind it."""
 _TRIGGERS = ("error", "emergency stop", "collision", "failed service call", "diagnostics ERROR", "service ~trigger",
              "SIGUSR1")
 _MOST_LOSSES = 5
@@ -139,7 +141,7 @@ def record_snapshots(recorder: LogRecording) -> int:
 def record_black_box(recorder: LogRecording) -> int:
     """Keep the newest messages in memory and write a file around each accident; return the exit code."""
     box = Assembly(recorder)
-    recorder.prepare(box.open, box.selection(), box.memory_bytes, ITEM_BYTES)
+    recorder.prepare(box.open, box.selection(), box.memory_bytes, ITEM_BYTES, _CLOCK_WAIT_S)
     if not recorder.run("memory, the newest %g s" % recorder.args.before, box.on_signal, box):
         return 1
     return max(recorder.account(), 1 if box.failures else 0)
