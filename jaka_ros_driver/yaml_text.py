@@ -27,20 +27,41 @@ def load_yaml(text: str) -> Any:
             self._seen_nodes = set()  # type: ignore[var-annotated]
 
         def flatten_mapping(self, node: yaml.MappingNode) -> None:
-            """Merge into a mapping, as ``<<`` asks; the second time a mapping is asked for, it has merged keys."""
-            if id(node) not in self._seen_nodes:
-                self._seen_nodes.add(id(node))
-                seen = set()
-                for key_node, _ in node.value:
-                    if not isinstance(key_node, yaml.ScalarNode):
-                        continue  # what cannot be a key is told of by the loader itself
-                    is_plain = key_node.tag not in _MERGED
-                    key = self.construct_object(key_node, deep=True) if is_plain else key_node.value
-                    if key in seen:
-                        raise InvalidCommand("gives the key %s twice, again in line %d" % (
-                            short(key), key_node.start_mark.line + 1))
-                    seen.add(key)
-            super().flatten_mapping(node)
+            """Merge into a mapping, as ``<<`` asks; the second time a mapping is asked for, it has merged keys.
+
+            PyYAML 6.0.4 lets a merged key win over the mapping's own, or not, by its letters: keys are merged here.
+            """
+            if id(node) in self._seen_nodes:
+                return
+            self._seen_nodes.add(id(node))
+            seen = set()
+            for key_node, _ in node.value:
+                if not isinstance(key_node, yaml.ScalarNode):
+                    continue  # what cannot be a key is told of by the loader itself
+                is_plain = key_node.tag not in _MERGED
+                key = self.construct_object(key_node, deep=True) if is_plain else key_node.value
+                if key in seen:
+                    raise InvalidCommand("gives the key %s twice, again in line %d" % (
+                        short(key), key_node.start_mark.line + 1))
+                seen.add(key)
+            pairs, node.value = node.value, []
+            merged = {}  # by the key's node: of many aliases of one mapping each pair is kept once
+            for key_node, value_node in pairs:
+                if key_node.tag == _MERGED[0]:
+                    parts = value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
+                    for part in reversed(parts):  # of a list the first wins, and of equal keys the last is kept
+                        if not isinstance(part, yaml.MappingNode):
+                            raise yaml.constructor.ConstructorError(
+                                None, None, "expected a mapping for merging", part.start_mark)
+                        self.flatten_mapping(part)
+                        for pair in part.value:
+                            merged.pop(id(pair[0]), None)
+                            merged[id(pair[0])] = pair
+                else:
+                    if key_node.tag == _MERGED[1]:
+                        key_node.tag = "tag:yaml.org,2002:str"
+                    node.value.append((key_node, value_node))
+            node.value[:0] = merged.values()
 
     try:
         return yaml.load(text, Loader=UniqueKeys)

@@ -1,4 +1,5 @@
 import math
+import time
 
 import pytest
 
@@ -69,6 +70,22 @@ def test_merged_keys_may_be_given_again_and_are_no_second_ones():
     assert load_yaml(text) == {
         "a": {"x": 1, "y": 2}, "outer": {"b": {"x": 3, "y": 2}}, "c": {"x": 3, "y": 4},
         "list": [{"x": 1, "y": 2}] * 2, "both": {"x": 1, "y": 2, "z": 6}}
+
+
+def test_of_merged_keys_those_win_that_stand_nearer_or_first():
+    first, second = "&a {long_key: 1, other: 1}", "&b {<<: *a, long_key: 2}"
+    text = "a: %s\nouter: {b: %s}\n" % (first, second)
+    assert load_yaml(text + "c: {<<: *b}")["c"] == {"long_key": 2, "other": 1}
+    assert load_yaml(text + "c: {<<: [*a, *b, *a]}")["c"] == {"long_key": 1, "other": 1}
+    assert load_yaml(text + "c: {<<: [*b, *a], =: 3}")["c"] == {"long_key": 2, "other": 1, "=": 3}
+    assert load_yaml("&a {<<: *a, x: 1}") == {"x": 1}
+
+
+def test_merges_of_merges_take_no_time_of_their_power():
+    lines = ["a0: &a0 {x: 1}"] + ["a%d: &a%d {<<: [%s]}" % (i, i, ", ".join(["*a%d" % (i - 1)] * 9)) for i in range(1, 12)]
+    begun = time.process_time()
+    assert load_yaml("\n".join(lines))["a11"] == {"x": 1}
+    assert time.process_time() - begun < 5.0
 
 
 @pytest.mark.parametrize("text", ["? [1, 2]\n: 3", "? &a [*a]\n: 3", "? {a: 1}\n: 3", "[" * 100000, "a: 2001-99-99",
