@@ -8,6 +8,7 @@ it can move, is not sent before that request has come.
 import bisect
 import itertools
 import json
+import re
 from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
@@ -31,6 +32,9 @@ _LONGEST_TOKEN = 16
 """Characters before the end of a piece in which an error may come of a token that is cut off there."""
 _TOO_DEEP = 500
 """Characters passed over where an object is nested deeper than Python reads: each level takes one at least."""
+_DEEPEST, _DEEP = 200, 100
+"""Levels at which an object that is longer than what was looked at is given up, and those that are always read."""
+_TEXT = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)
 OF_THE_PRESENT = "get_joint_pos"
 """The question that a replay refuses: a recorded answer is not true of the moment at which it is asked."""
 _OF_STATE = "get_robot_state"
@@ -118,9 +122,18 @@ def _object_at(text: str, begin: int, decoder: json.JSONDecoder) -> Tuple[Option
             is_cut_off = error.pos >= len(piece) - _LONGEST_TOKEN or error.msg.startswith("Unterminated string")
             if not is_cut_off or begin + size >= len(text) or size >= MAX_OBJECT_BYTES:
                 return None, begin + 1
+            depth = _depth(piece)
+            if depth > _DEEPEST:  # Python 3.13 reads many thousands of levels, which for each brace is too much
+                return None, begin + depth - _DEEP
             size *= 8
         except ValueError:  # a number with more digits than Python reads
             return None, begin + 1
+
+
+def _depth(piece: str) -> int:
+    """Return how many braces and brackets are open at the end of a piece of JSON."""
+    plain = _TEXT.sub("", piece)
+    return plain.count("{") + plain.count("[") - plain.count("}") - plain.count("]")
 
 
 class Replies:

@@ -104,6 +104,16 @@ def test_damage_of_any_kind_is_cut_in_a_moment_and_what_follows_it_is_found(dama
     assert b"".join([raw for _, raw, _ in found]) == reply + damage + b'"}' + b" " * 2000 + reply
 
 
+@pytest.mark.parametrize("level", [b'{"a":%s}', b'[%s]', b'{"[{": [%s]}'])
+@pytest.mark.parametrize("damage", [b"", b'{"a":[1,' * 300])
+def test_an_object_of_many_levels_is_read_behind_damage_too(level, damage):
+    raw = b"7"
+    for _ in range(40):
+        raw = level % raw
+    raw = b'{"x": %s, "y": "%s"}' % (raw, b"z" * 1000)
+    assert cut_objects([Piece(0.0, damage + raw)])[-1][2] == json.loads(raw)
+
+
 @pytest.mark.parametrize("size", [*range(480, 540), 4096, 40000, 300000])
 def test_an_object_is_read_however_long_it_is(size):
     value = {"cmdName": "x", "text": "\u00e9\\" * (size // 12),
