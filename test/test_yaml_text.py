@@ -82,7 +82,8 @@ def test_of_merged_keys_those_win_that_stand_nearer_or_first():
 
 
 def test_merges_of_merges_take_no_time_of_their_power():
-    lines = ["a0: &a0 {x: 1}"] + ["a%d: &a%d {<<: [%s]}" % (i, i, ", ".join(["*a%d" % (i - 1)] * 9)) for i in range(1, 12)]
+    lines = ["a0: &a0 {x: 1}"]
+    lines += ["a%d: &a%d {<<: [%s]}" % (i, i, ", ".join(["*a%d" % (i - 1)] * 9)) for i in range(1, 12)]
     begun = time.process_time()
     assert load_yaml("\n".join(lines))["a11"] == {"x": 1}
     assert time.process_time() - begun < 5.0
