@@ -3,7 +3,7 @@
 Of two equal keys a plain loader keeps the last: a second list of zones would take away the first in silence.
 """
 import reprlib
-from typing import Any
+from typing import Any, Dict, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
 
@@ -45,7 +45,7 @@ def load_yaml(text: str) -> Any:
                         short(key), key_node.start_mark.line + 1))
                 seen.add(key)
             pairs, node.value = node.value, []
-            merged = {}  # by the key's node: of many aliases of one mapping each pair is kept once
+            merged: Dict[int, Tuple[Any, Any]] = {}  # by the key's node: each is kept once for many aliases
             for key_node, value_node in pairs:
                 if key_node.tag == _MERGED[0]:
                     parts = value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
