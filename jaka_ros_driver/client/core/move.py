@@ -160,6 +160,7 @@ class Move(PausableMotion):
     # ---- inside ----
 
     def _send(self, part: _Part, now: float) -> None:
+        self.rest_time = max(self.rest_time, rest_time_at(part.command.speed, not isinstance(part.command, JointMove)))
         self._custody.channel.request(part.command, now, lambda _, error, at: self._replied(part, error, at))
 
     def _replied(self, part: _Part, error: Optional[JakaError], now: float) -> None:
@@ -186,7 +187,6 @@ class Move(PausableMotion):
         self._waits_since = now if self._waits_since is None else self._waits_since
         if not any(other.is_accepted and not other.was_reached for other in self._parts if other is not part):
             self._begin_turn(now)
-        self.rest_time = rest_time_at(part.command.speed, not isinstance(part.command, JointMove))
         distance = relative_distance(part.command, self._start)
         self._must_move = self._must_move or distance is None or distance > NO_DISTANCE
         if not part.waits and not self._custody.is_ending:

@@ -1,9 +1,12 @@
 """Stops: delivered at once, repeated until accepted and seen, and ending only what was asked before them."""
+import math
+
 import pytest
 from stories import HOME, PERIOD, WHOLE_STOP, Story
 
 from jaka_ros_driver.client.core.actions import Open, Port
-from jaka_ros_driver.commands import Jog, JogFrame, JointMove, SetEnabled
+from jaka_ros_driver.client.core.motion import rest_time_at
+from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose, SetEnabled
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -426,13 +429,32 @@ def test_after_a_stop_that_was_asked_for_and_obeyed_the_next_motion_does_not_wai
     assert story.core.is_free
 
 
-def test_a_refused_motion_that_creeps_on_is_stopped():
+REFUSED = {
+    "jog": lambda story, speed: story.core.jog("motion", Jog(JogFrame.JOINT, 0, speed), story.now),
+    "joint_move": lambda story, speed: story.core.move("motion", JointMove((1.0,) + HOME[1:], speed, 1.0), False,
+                                                       story.now),
+    "moveL": lambda story, speed: story.core.move(
+        "motion", LinearMove(Pose((0.45, 0.1, 0.3), (math.pi, 0.0, 0.0)), speed, 1.0), False, story.now),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize("speed", [0.0005, 0.001, 0.002])
+def test_a_refused_motion_that_creeps_on_is_stopped(name, speed):
     story = Story()
-    story.replies["jog"] = "2"
-    story.core.jog("jog", Jog(JogFrame.JOINT, 0, 0.001), story.now)
+    story.replies[name] = "2"
+    REFUSED[name](story, speed)
     story.perform()
-    story.run(0.6, move=9.0, speed=0.001, inpos=False)
-    assert story.count("stop_program") >= 1
+    story.run(1.2, move=9.0, speed=speed, inpos=False)
+    assert story.count(name) >= 1 and story.count("stop_program") >= 1
+
+
+def test_a_fast_move_that_is_queued_does_not_shorten_the_rest_of_a_slow_one():
+    story = Story()
+    for speed in (0.001, 1.0):
+        story.core.move(speed, JointMove((1.0,) + HOME[1:], speed, 1.0), False, story.now)
+        story.perform()
+    assert story.core.custody.motion.rest_time == pytest.approx(rest_time_at(0.001, False))
 
 
 # ---- a jog that waits for the arm ----
