@@ -40,7 +40,7 @@ _LOG = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.02
 """Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones."""
-_REST_TIMEOUT_S = 1.0
+_REST_TIMEOUT_S = 2.0
 """Longest time, s, that ``close`` waits for the arm to come to rest."""
 
 StateListener = Callable[[RobotState, bool], None]
@@ -107,7 +107,7 @@ class ArmClient:
             self._perform()
 
     def close(self) -> None:
-        """Stop what this driver moves, end every pending call, disconnect. It waits at most 1 s for the arm to rest."""
+        """Stop what this driver moves, end every pending call, disconnect. It waits at most 2 s for the arm to rest."""
         if self._is_closing:
             return
         with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which logs it

@@ -4,6 +4,7 @@ import math
 import pytest
 from stories import HOME, PERIOD, WHOLE_STOP, Story
 
+from jaka_ros_driver.client import arm_client
 from jaka_ros_driver.client.core.actions import Open, Port
 from jaka_ros_driver.client.core.motion import rest_time_at
 from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose, SetEnabled
@@ -455,6 +456,23 @@ def test_a_fast_move_that_is_queued_does_not_shorten_the_rest_of_a_slow_one():
         story.core.move(speed, JointMove((1.0,) + HOME[1:], speed, 1.0), False, story.now)
         story.perform()
     assert story.core.custody.motion.rest_time == pytest.approx(rest_time_at(0.001, False))
+
+
+# ---- the time that rest takes after a stop in doubt ----
+
+def stopped_in_doubt(coasting, ask):
+    """Return a story after a protective stop within a move, ``ask``, and ``coasting`` s of braking."""
+    story = under_way()
+    story.run(PERIOD, protective_stop=1).run(PERIOD, move=9.0, speed=0.2, **MOVING)
+    ask(story)
+    story.perform()
+    return story.run(coasting, move=9.0, speed=0.2, **MOVING)
+
+
+def test_a_shut_down_after_a_stop_in_doubt_waits_long_enough_for_rest():
+    story = stopped_in_doubt(0.3, lambda story: story.core.close(story.now))
+    story.run(arm_client._REST_TIMEOUT_S - 0.3)
+    assert story.core.is_free
 
 
 # ---- a jog that waits for the arm ----
