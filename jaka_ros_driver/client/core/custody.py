@@ -194,7 +194,7 @@ class Custody:
         """Take custody of a motion that was left running: it is stopped, as the first message on the next link."""
         self._take(motion, Event.TAKE_OVER, now)
         self._began_at = now
-        self._is_answered = True
+        self._is_answered = self._is_in_doubt = True  # its speed is not known
 
     def finish(self, now: float) -> None:
         """End the custody of a completed motion: the target is reached and the arm is still."""

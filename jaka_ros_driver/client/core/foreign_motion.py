@@ -5,7 +5,7 @@ from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
-from jaka_ros_driver.client.core.stillness import REST_TIME_S, SURE_REST_S
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState, Vector
 
@@ -38,7 +38,7 @@ class LeftBehind(ArmMotion):
     """A motion that a dead driver left: all that is known of it is how to stop it."""
 
     owner = MotionOwner.LEFT
-    rest_time = SURE_REST_S  # its speed is not known
+    rest_time = _REST_TIME_S
 
     def __init__(self, left: LeftMotion) -> None:
         self.left = left

@@ -99,9 +99,19 @@ def test_it_is_stopped_again_while_it_moves_on_and_nothing_else_begins_meanwhile
     story.connect()
     story.run(0.3, move=9.0, **MOVING)
     story.core.move("move", MOVE, True, story.now)
-    story.run(2.0, move=9.0, **MOVING)
+    story.run(2.4, move=9.0, **MOVING)
     assert story.count("stop_program") >= 3 and story.count("joint_move") == 0
     assert isinstance(story.error("move"), InvalidCommand) and "dead driver" in str(story.error("move"))
+
+
+def test_it_is_stopped_again_as_soon_as_any_other_motion_and_rests_for_longer():
+    story = Heir()
+    story.connect()
+    began = story.now
+    story.run(0.7, move=9.0, **MOVING)
+    again = [at - began for at, request in story.sent if request["cmdName"] == "stop_program" and at > began]
+    assert again and again[0] <= 0.6
+    assert not story.run(0.7).core.is_free and story.run(0.5).core.is_free
 
 
 def test_it_is_owed_until_a_link_takes_it():
