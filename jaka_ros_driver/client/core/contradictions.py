@@ -54,7 +54,7 @@ class AtStart(enum.Enum):
     """The effect of a condition on a motion that is to begin."""
 
     REFUSES = "is refused at once"
-    WAITS = "waits for its end, 1.5 s at most"
+    WAITS = "waits for its end, 2.3 s at most"
     ALLOWS = "may begin"
 
 

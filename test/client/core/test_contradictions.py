@@ -176,13 +176,13 @@ def test_what_ends_a_motion_forbids_one_to_begin(row, owner):
     elif row.at_start is AtStart.ALLOWS:
         assert cell.has_begun(owner), row.why_at_start
     else:
-        cell.run(2.0)
+        cell.run(2.4)
         assert not cell.has_begun(owner) and isinstance(cell.error("motion"), InvalidCommand)
 
 
 @pytest.mark.parametrize("owner", [MotionOwner.MOVE, MotionOwner.JOG])
 def test_what_must_be_waited_for_is(owner):
-    # Another's program that ends within 1.5 s costs nobody his motion.
+    # Another's program that ends within 2.3 s costs nobody his motion.
     cell = Cell().suffers("another's program", owner).run(0.2).begin(owner).run(0.3)
     assert cell.error("motion") == "pending" and not cell.has_begun(owner)
     cell.fields["interp_state"] = 0

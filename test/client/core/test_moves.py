@@ -410,7 +410,7 @@ def test_a_second_move_is_refused_and_told_who_owns_the_arm():
 def test_while_somebody_else_moves_the_arm_a_move_waits_and_is_refused_in_the_end():
     story = Story().run(0.2, move=9.0)
     story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
-    story.run(1.4, move=9.0)
+    story.run(2.2, move=9.0)
     assert story.error("move") == "pending" and story.told == [] and story.count("joint_move") == 0
     story.run(0.2, move=9.0)
     assert isinstance(story.error("move"), InvalidCommand) and "not by this driver" in str(story.error("move"))

@@ -339,7 +339,7 @@ def test_where_feed_and_controller_never_agree_a_move_is_refused_with_that_reaso
     story.run(0.3)
     story.core.move("early", MOVE, False, story.now)
     story.perform()
-    assert "within 1.5 s the status feed has not shown where the controller says" in str(story.run(2.0).error("early"))
+    assert "within 2.3 s the status feed has not shown where the controller says" in str(story.run(2.4).error("early"))
     assert story.count("joint_move") == 0
     story.run(8.0).core.move("late", MOVE, False, story.now)
     assert story.run(0.1).error("late") is None and "not those of its status feed" in "".join(story.log)

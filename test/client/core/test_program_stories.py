@@ -195,7 +195,7 @@ def test_a_program_of_the_pendant_keeps_others_from_the_arm_and_can_be_paused():
     story = with_program(RUNNING)
     story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
     story.perform()
-    story.run(1.6)
+    story.run(2.4)
     assert "a program of the controller's own runs" in str(story.error("move")) and story.count("joint_move") == 0
     ask(story, "pause", programs.pause)
     story.fields["interp_state"] = PAUSED

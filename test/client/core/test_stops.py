@@ -7,6 +7,7 @@ from stories import HOME, PERIOD, WHOLE_STOP, Story
 from jaka_ros_driver.client import arm_client
 from jaka_ros_driver.client.core.actions import Open, Port
 from jaka_ros_driver.client.core.motion import rest_time_at
+from jaka_ros_driver.client.core.procedures.recovery import recover
 from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose, SetEnabled
 from jaka_ros_driver.errors import (
     CommandRejected,
@@ -473,6 +474,20 @@ def test_a_shut_down_after_a_stop_in_doubt_waits_long_enough_for_rest():
     story = stopped_in_doubt(0.3, lambda story: story.core.close(story.now))
     story.run(arm_client._REST_TIMEOUT_S - 0.3)
     assert story.core.is_free
+
+
+def test_a_motion_asked_for_after_a_stop_in_doubt_waits_long_enough_for_rest():
+    story = stopped_in_doubt(0.75, lambda story: story.core.move("next", MOVE, False, story.now)).run(1.5)
+    assert story.error("next") is None
+
+
+def test_a_recovery_asked_for_after_a_stop_in_doubt_waits_long_enough_for_rest():
+    def stays(story):
+        story.fields["protective_stop"] = 1
+        story.run(PERIOD)
+        story.core.run("next", recover(story.core), story.now)
+    story = stopped_in_doubt(0.75, stays).run(1.0)
+    assert story.count("clear_error") == 1 and story.error("next") == "pending"
 
 
 # ---- a jog that waits for the arm ----

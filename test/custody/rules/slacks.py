@@ -52,8 +52,8 @@ jitter."""
 STOP_ANSWER_SLACK = 0.06
 """Slack over the time-out of the reply, s: nothing else delays the answer to a stop but the driver's timer of 0.02 s
 and the judge's look of 0.04 s; 0.016 s were needed in 1,500 seeds."""
-ANSWER_SLACK = 3.5
-"""Slack over what a call may take by its settings, s: 1.5 s of waiting for rest and 2 s for servo mode to be confirmed.
+ANSWER_SLACK = 4.3
+"""Slack over what a call may take by its settings, s: 2.3 s of waiting for rest and 2 s for servo mode to be confirmed.
 2.1 s were needed in 1,500 seeds."""
 RECOVERY_SLACK = 3.5
 """Slack of a recovery over ANSWER_SLACK, s: waits for rest and for two clear_error. 1,500 seeds needed none."""

@@ -7,7 +7,7 @@ from jaka_ros_driver.client.core.contradictions import standing_cause
 from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.steps import Now, Procedure, Until
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.stillness import REST_TIME_S, SURE_REST_S
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -18,7 +18,7 @@ from jaka_ros_driver.errors import (
 )
 from jaka_ros_driver.state import RobotState
 
-_REST_TIMEOUT_S = 1.5
+_REST_TIMEOUT_S = 1.5 + SURE_REST_S
 """Longest time, s, that a recovery waits for an arm that is coming to rest."""
 _FEED_DELAY_S = 0.1
 """Longest delay, s, of the status feed behind the reply about the same event."""

@@ -5,12 +5,12 @@ from jaka_ros_driver.client.core.actions import Actions, Token
 from jaka_ros_driver.client.core.contradictions import STREAMS, ArmEvidence, require_no_wait, require_start
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.stillness import REST_TIME_S, SURE_REST_S
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError
 from jaka_ros_driver.state import RobotState
 
-_WAIT_FOR_REST_S = 1.5
-"""Longest time, s, that a motion waits for the arm to come to rest from an earlier one."""
+_WAIT_FOR_REST_S = 1.5 + SURE_REST_S
+"""Longest time, s, that a motion waits for the arm to come to rest from an earlier one, and to be sure of that."""
 
 
 class Sight(Protocol):
