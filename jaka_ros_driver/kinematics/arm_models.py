@@ -253,9 +253,9 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
 
 def _text(entry: Mapping[str, Any], key: str, default: str) -> str:
     value = entry.get(key, default)
-    if isinstance(value, (int, float)):
-        _number(key, value)
-    return str(value)
+    if not isinstance(value, str):
+        raise InvalidCommand("%s is %s; it must be a text" % (key, short(value)))
+    return value
 
 
 def _number(what: str, value: Any) -> float:

@@ -194,6 +194,13 @@ def test_a_calibrated_angle_may_be_two_degrees_beside_its_familys(tmp_path, besi
             load_model_file(write(tmp_path, values))
 
 
+@pytest.mark.parametrize("key", ["name", "family", "dh_confidence", "note"])
+@pytest.mark.parametrize("value", [True, 5, 1.5, ["a"]])
+def test_what_must_be_a_text_and_is_none_is_refused_with_its_key(tmp_path, key, value):
+    with pytest.raises(InvalidCommand, match="%s is .*; it must be a text" % key):
+        load_model_file(write(tmp_path, changed([key], value)))
+
+
 @pytest.mark.parametrize("text", ["name: 2001-99-99", "name: " + "[" * 20000, "name: 1%s" % ("0" * 5000), "name: [}"])
 def test_a_model_file_that_is_no_yaml_is_refused_whatever_the_parser_raises(tmp_path, text):
     path = tmp_path / "arm.yaml"
