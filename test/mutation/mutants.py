@@ -386,7 +386,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
            "min(_LONGEST_PAUSE_S, max(_FIRST_PAUSE_S, 2.0 * self._pause))", "max(_FIRST_PAUSE_S, 2.0 * self._pause)",
            CUSTODY),
     Mutant("a link is made again after it was stopped", "client/core/link.py",
-           "_NEVER if self._is_stopped else now + self._pause", "now + self._pause", CUSTODY),
+           "now + self._pause if self.is_wanted else _NEVER", "now + self._pause", CUSTODY),
     Mutant("custody is not told of a lost link", "client/core/links.py",
            "        self._custody.link_lost(reason, now)\n", "", CORE),
     Mutant("servo mode is claimed without a link", "client/core/links.py",

@@ -37,7 +37,6 @@ class PortLink:
         self._pause = 0.0
         self._way = 0.0
         self._opened_at = self._ended_at = 0.0
-        self._is_stopped = False
         self.is_wanted = False
         self.is_up = False
         self.connections = 0
@@ -47,13 +46,13 @@ class PortLink:
 
     def start(self, now: float) -> None:
         """Ask for a connection, unless there is one."""
-        self._is_stopped, self.is_wanted = False, True
+        self.is_wanted = True
         if not self.is_up:
             self.retry_at = now
 
     def stop(self, reason: str) -> None:
         """Close the connection; ask for no more."""
-        self._is_stopped, self.is_wanted = True, False
+        self.is_wanted = False
         self.retry_at = _NEVER
         self._actions.add(Close(self._port, reason))
         self.is_up = False
@@ -105,7 +104,7 @@ class PortLink:
     @property
     def is_left_to_others(self) -> bool:
         """True while the connection is down because another client was seen to take the port."""
-        return self._way > 0.0 and not self.is_up and not self._is_stopped
+        return self._way > 0.0 and not self.is_up and self.is_wanted
 
     def lasted(self, now: float) -> float:
         """Return how long the present connection has lasted, s."""
@@ -129,7 +128,7 @@ class PortLink:
         self.last_error = reason
         self._ended_at = now
         self._pause = min(_LONGEST_PAUSE_S, max(_FIRST_PAUSE_S, 2.0 * self._pause))
-        self.retry_at = _NEVER if self._is_stopped else now + self._pause
+        self.retry_at = now + self._pause if self.is_wanted else _NEVER
 
 
 class _End(NamedTuple):
