@@ -126,7 +126,8 @@ class Clients:
 
     def auto_enable(self) -> None:
         """Power and enable the arm once, as a driver with ``auto_enable`` does at its start."""
-        self.ask("auto_enable", None, lambda core, call, now: core.run(None, power.auto_enable(core), now))
+        self.ask("auto_enable", None, lambda core, call, now: core.run(
+            None, power.auto_enable(core, core.disturbances - core.link_losses), now))
 
     def joint_move(self, caller: int, delta: Sequence[float], speed: float, acceleration: float, wait: bool) -> None:
         """Move by ``delta`` from the last published joints, clamped to the joint limits."""

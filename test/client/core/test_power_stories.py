@@ -109,7 +109,7 @@ def unseen():
     """Return a story in which the arm, whose drives are off, is to be powered as soon as it is seen."""
     story = Story(ready=False)
     story.fields.update(OFF)
-    story.core.run(None, power.auto_enable(story.core), story.now)
+    story.core.run(None, power.auto_enable(story.core, 0), story.now)
     story.perform()
     return story
 

@@ -297,7 +297,7 @@ def test_the_controller_is_asked_to_watch_its_client_in_custody_only(make):
 
 def test_a_controller_that_is_not_the_one_meant_is_left_alone(make):
     arm = make(is_ready=False, start=Start.POWERED, simulator="the-one-that-was-launched")
-    arm.core.run(None, power.auto_enable(arm.core), arm.now)
+    arm.core.run(None, power.auto_enable(arm.core, arm.core.disturbances - arm.core.link_losses), arm.now)
     calls = [arm.begin("move", SLOW_MOVE, True), arm.begin("jog", JOG), arm.begin("stop"),
              arm.begin("run", power.set_power(arm.core, True))]
     for call in calls:

@@ -29,7 +29,7 @@ def moved(arm, first, speed=1.0):
 
 
 def auto_enable(arm):
-    arm.core.run(None, power.auto_enable(arm.core), arm.now)
+    arm.core.run(None, power.auto_enable(arm.core, arm.core.disturbances - arm.core.link_losses), arm.now)
 
 
 def has_asked_for_power(arm):

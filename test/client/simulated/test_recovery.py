@@ -339,7 +339,7 @@ def test_what_an_earlier_call_has_begun_is_not_sent_again():
 
 def test_it_ends_auto_enable_and_is_not_ended_by_it():
     arm = simulated(start=Start.OFF, power_delay=0.5, enable_delay=0.1)
-    arm.core.run(None, power.auto_enable(arm.core), arm.now)
+    arm.core.run(None, power.auto_enable(arm.core, arm.core.disturbances - arm.core.link_losses), arm.now)
     has_asked_for_power(arm)
     assert Recovering(arm)() == "the arm is ready: enable"
     assert sent(arm) == ["power_on", "enable_robot"]

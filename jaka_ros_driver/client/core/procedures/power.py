@@ -3,7 +3,7 @@
 Nothing here acts without being called.
 """
 import logging
-from typing import Callable, List, Optional
+from typing import Callable, List
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -95,7 +95,7 @@ def clear_error(core: ArmCore) -> Procedure:
     return "alarms cleared" + (", protective stop left" if left else ""), missing_for_motion(state)
 
 
-def auto_enable(core: ArmCore, since: Optional[int] = None) -> Procedure:
+def auto_enable(core: ArmCore, since: int) -> Procedure:
     """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
 
     It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good,
@@ -103,12 +103,11 @@ def auto_enable(core: ArmCore, since: Optional[int] = None) -> Procedure:
 
     Args:
         core: Of the arm.
-        since: How many disturbances other than lost links there were when the arm's user decided on it; now without it.
+        since: How many disturbances other than lost links there were when the arm's user decided on it.
     """
-    decided_at = core.disturbances - core.link_losses if since is None else since
 
     def is_called_off() -> bool:
-        return core.disturbances - core.link_losses != decided_at
+        return core.disturbances - core.link_losses != since
     yield Until(lambda now: is_called_off() or core.is_ready(now), _NEVER)
     if is_called_off():
         core.actions.log(logging.WARNING, "auto_enable: a stop, a call or a fault came before the arm was seen, and it "
