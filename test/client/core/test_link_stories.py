@@ -430,11 +430,11 @@ def test_a_link_that_was_stopped_can_be_started_again_and_is_kept_up_then():
     assert 101.1 < link.retry_at < 102.0
 
 
-def test_a_move_waits_a_second_and_a_half_for_an_arm_that_somebody_else_moves():
+def test_a_move_waits_two_seconds_for_an_arm_that_somebody_else_moves():
     story = Story()
     story.run(0.2, move=10.0)
     story.core.move("move", c.JointMove((1.0,) + HOME[1:], 1.0, 1.0), True, story.now)
-    story.run(1.4, move=10.0)
+    story.run(2.2, move=10.0)
     assert story.error("move") == "pending" and story.count("joint_move") == 0
     story.run(0.3, move=10.0)
     assert isinstance(story.error("move"), InvalidCommand) and story.count("joint_move") == 0

@@ -21,6 +21,10 @@ def asked(procedure, **fields):
     return story
 
 
+def auto_enable(core):
+    return power.auto_enable(core, core.disturbances - core.link_losses)
+
+
 def switches(story):
     return [name for name in story.names() if name in SWITCHES]
 
@@ -65,12 +69,12 @@ def test_clearing_tells_what_is_still_missing():
 
 @pytest.mark.parametrize("illness", [{"emergency_stop": 1}, {"protective_stop": 1}, {"errcode": "0xf0034"}])
 def test_a_sick_arm_is_not_powered_by_itself(illness):
-    story = asked(power.auto_enable, **OFF, **illness).run(0.5)
+    story = asked(auto_enable, **OFF, **illness).run(0.5)
     assert not switches(story)
 
 
 def test_a_healthy_arm_is_powered_and_enabled_once():
-    story = asked(power.auto_enable, **OFF).run(0.2)
+    story = asked(auto_enable, **OFF).run(0.2)
     story.fields["powered_on"] = 1
     story.run(0.2)
     story.fields["enabled"] = True
@@ -84,7 +88,7 @@ def test_a_healthy_arm_is_powered_and_enabled_once():
     lambda story: story.core.stop("stop", story.now), lambda story: story.run(0.02, protective_stop=1),
     lambda story: story.core.run("other", power.clear_error(story.core), story.now)])
 def test_what_disturbs_the_powering_ends_it_for_good(disturb):
-    story = asked(power.auto_enable, **OFF).run(0.2)
+    story = asked(auto_enable, **OFF).run(0.2)
     disturb(story)
     story.run(0.1)
     story.fields["powered_on"] = 1
@@ -96,7 +100,7 @@ def test_what_disturbs_the_powering_ends_it_for_good(disturb):
     ({"powered_on": 0, "enabled": True}, {"enabled": False}),
     ({"powered_on": 1, "enabled": False}, {"powered_on": 0})], ids=["disabled", "no power"])
 def test_drives_that_go_off_meanwhile_end_the_powering_for_good(before, worse):
-    story = asked(power.auto_enable, **before).run(0.1)
+    story = asked(auto_enable, **before).run(0.1)
     begun = switches(story)
     assert len(begun) == 1
     story.run(0.05, **worse)
@@ -278,9 +282,9 @@ def recovering_while_it_moves(move):
 
 
 def test_an_arm_that_moves_is_not_recovered_and_nothing_is_sent():
-    story = recovering_while_it_moves(2.0).run(1.4, move=2.0)
+    story = recovering_while_it_moves(3.0).run(2.2, move=3.0)
     assert story.error("call") == "pending" and not story.count("clear_error")
-    story.run(0.2, move=2.0)
+    story.run(0.2, move=3.0)
     assert isinstance(story.error("call"), InvalidCommand) and "not by this driver" in str(story.error("call"))
     assert not story.count("clear_error") and not switches(story)
 

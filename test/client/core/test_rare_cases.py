@@ -130,7 +130,7 @@ def test_hand_guiding_that_the_feed_does_not_show_is_asked_for(held, is_told):
 def test_a_fault_meanwhile_ends_the_powering_for_good():
     story = Story()
     story.fields.update(powered_on=0, enabled=False)
-    asked(story.run(0.1), power.auto_enable).run(0.1)
+    asked(story.run(0.1), lambda core: power.auto_enable(core, core.disturbances - core.link_losses)).run(0.1)
     story.run(0.05, errcode="0xf0017")
     story.fields["powered_on"] = 1
     story.run(0.5)
