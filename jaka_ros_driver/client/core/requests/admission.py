@@ -165,7 +165,7 @@ class Admission:
         owner = request.owner
         if self.is_free_at_rest(owner, now):
             return True
-        if now - request.asked_at >= _WAIT_FOR_REST_S:
+        if now >= request.deadline:
             raise InvalidCommand("refused: within %.1f s %s" % (_WAIT_FOR_REST_S, self._waited_for(request, now)))
         self._waiting.append(request)
         return False
