@@ -61,11 +61,11 @@ LONGEST_TRAJECTORY = 300.0
 """Longest trajectory, s; it may be paused or slowed for most of a scenario."""
 PAUSE_SLACK = 0.02
 """Slack of a pause, s: it is answered on rest that was seen, so that two cycles of the controller suffice."""
-FREE_AFTER = 2.0
+FREE_AFTER = 2.5
 """Time from the answer to the last stop, all being well, until custody has ended, s.
 
-A round figure: the driver's evidence of rest takes 0.08 s, its longest pause before a connection 0.5 s, a reply that
-it still waits for ``reply_timeout``, 0.9 s."""
+A round figure: the driver's evidence of rest takes 0.8 s after a stop in doubt, its longest pause before a connection
+0.5 s, a reply that it still waits for ``reply_timeout``, 0.9 s."""
 GUARD_AGAIN = 2.2
 """Time until a guard turned away, or without a reply, begins anew, s: 1 s to connect, 1 s for the reply, its pauses."""
 GUARD_ACTS = 0.35
