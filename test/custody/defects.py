@@ -271,7 +271,7 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(IgnoresRefusedFrames, "against", first=12),
     Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"),
     Defect(RecoversTwice, "recovery", first=11), Defect(LeavesMoving, "goodbye", "state", first=20),
-    Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
+    Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g k contract", first=526),
     Defect(ForgetsLeft, "left", "a h"),
     Defect(ResumesStreams, "stream", first=LATER + 6), Defect(PassesLastPoint, "stream", first=LATER + 9),
     Defect(BlindGuard, "guard", is_guard=True, first=138),
