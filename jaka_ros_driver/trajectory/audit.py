@@ -11,7 +11,7 @@ from jaka_ros_driver.kinematics.limits import (
     stream_limits,
     top_joint_speeds,
 )
-from jaka_ros_driver.trajectory.path import TERMS, Array, Path, sampled
+from jaka_ros_driver.trajectory.path import TERMS, Array, Path, highest_fourths, sampled
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT, Overshoots, Rates
 
@@ -110,8 +110,7 @@ def _audit_between(path: Path, ranges: JointRanges, pieces: Array, shares: Array
     pieces, begins, ends = pieces[is_followed], begins[is_followed], ends[is_followed]
     while len(pieces):
         coefficients = path.coefficients[pieces]
-        fourth = 24.0 * np.maximum(np.abs(coefficients[:, 4]), np.abs(
-            coefficients[:, 4] + 5.0 * coefficients[:, 5] * durations[pieces][:, None]))
+        fourth = highest_fourths(coefficients, durations[pieces])
         (first, _, at_first), (last, _, at_last) = sampled(begins, coefficients), sampled(ends, coefficients)
         room = np.minimum(np.minimum(first, last) - low, high - np.maximum(first, last))
         factor = (ends - begins)[:, None] ** 2 / 8.0

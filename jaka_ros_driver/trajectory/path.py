@@ -148,3 +148,13 @@ def sampled(u: Array, coefficients: Array) -> Tuple[Array, Array, Array]:
     return (((((c[5] * u + c[4]) * u + c[3]) * u + c[2]) * u + c[1]) * u + c[0],
             (((5.0 * c[5] * u + 4.0 * c[4]) * u + 3.0 * c[3]) * u + 2.0 * c[2]) * u + c[1],
             ((20.0 * c[5] * u + 12.0 * c[4]) * u + 6.0 * c[3]) * u + 2.0 * c[2])
+
+
+def highest_fourths(coefficients: Array, durations: Array) -> Array:
+    """Return the highest absolute fourth derivative of quintics, rad/s4 (m, 6), over their durations, s (m,).
+
+    It is linear in time: one end of each has it. Between two places h apart an acceleration lies at most h^2/8 of it
+    above those of both.
+    """
+    c4, c5 = coefficients[:, 4], coefficients[:, 5]
+    return np.asarray(24.0 * np.maximum(np.abs(c4), np.abs(c4 + 5.0 * c5 * durations[:, None])))

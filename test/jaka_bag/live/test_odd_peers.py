@@ -25,23 +25,28 @@ def no_master(monkeypatch):
     monkeypatch.delenv("ROS_HOSTNAME", raising=False)
 
 
-@pytest.mark.parametrize("address", [("a..b", 80), ("%s.b" % ("a" * 70), 80), ("127.0.0.1", "x"), ("127.0.0.1", []),
-                                     ("127.0.0.1", -1)])
-def test_a_publisher_with_an_odd_address_is_asked_again(address):
-    asked = []
-    talker = SlaveServer("/talker", "127.0.0.1", "127.0.0.1", lambda topic, uris: None, lambda reason: None)
-    talker.topic_address = lambda topic: asked.append(topic) or address
+def poll_until_asked_twice(uri, asked):
+    """Subscribe to the publisher at a URI until two questions to it are noted, or patience is over."""
     listener = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, lambda text: None, str)
     try:
         listener._accepts["/a"] = accept_all
-        listener._on_publishers("/a", [talker.uri])
+        listener._on_publishers("/a", [uri])
         until = time.monotonic() + PATIENCE_S
         while len(asked) < 2 and time.monotonic() < until:
             listener.poll(0.05)
     finally:
         listener._accepts.clear()
         listener.close()
-        talker.close()
+
+
+@pytest.mark.parametrize("address", [("a..b", 80), ("%s.b" % ("a" * 70), 80), ("127.0.0.1", "x"), ("127.0.0.1", []),
+                                     ("127.0.0.1", -1)])
+def test_a_publisher_with_an_odd_address_is_asked_again(address):
+    asked = []
+    talker = SlaveServer("/talker", "127.0.0.1", "127.0.0.1", lambda topic, uris: None, lambda reason: None)
+    talker.topic_address = lambda topic: asked.append(topic) or address
+    with contextlib.closing(talker):
+        poll_until_asked_twice(talker.uri, asked)
     assert len(asked) >= 2
 
 
@@ -104,16 +109,7 @@ def test_a_publisher_whose_answer_breaks_the_library_is_asked_again(monkeypatch)
         asked.append(method)
         raise RuntimeError("nobody foresaw it")
     monkeypatch.setattr(RemoteNode, "call", call)
-    listener = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, lambda text: None, str)
-    try:
-        listener._accepts["/a"] = accept_all
-        listener._on_publishers("/a", ["http://127.0.0.1:1/"])
-        until = time.monotonic() + PATIENCE_S
-        while len(asked) < 2 and time.monotonic() < until:
-            listener.poll(0.05)
-    finally:
-        listener._accepts.clear()
-        listener.close()
+    poll_until_asked_twice("http://127.0.0.1:1/", asked)
     assert len(asked) >= 2
 
 

@@ -30,7 +30,7 @@ from jaka_ros_driver.kinematics.rotations import (
     transform,
 )
 from jaka_ros_driver.state import RobotState, Vector
-from jaka_ros_driver.trajectory.path import Array, Path, sampled
+from jaka_ros_driver.trajectory.path import Array, Path, highest_fourths, sampled
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT
 
 STOP, WARN, OFF = "stop", "warn", "off"
@@ -337,8 +337,7 @@ def _periods(path: Path, begins: Array, reach: Vector) -> Array:
     index = np.clip(np.searchsorted(path.breaks, begins, side="right") - 1, 0, len(path.coefficients) - 1)
     coefficients, durations = path.coefficients[index], np.diff(path.breaks)[index]
     first, last = (np.abs(sampled(at, coefficients)[2]) for at in (0.0 * durations, durations))
-    c4, c5 = coefficients[:, 4], coefficients[:, 5]
-    fourth = 24.0 * np.maximum(np.abs(c4), np.abs(c4 + 5.0 * c5 * durations[:, None]))
+    fourth = highest_fourths(coefficients, durations)
     highest = np.minimum(np.maximum(first, last) + durations[:, None] ** 2 / 8.0 * fourth, _HIGHEST_ACCELERATION)
     if path.approach is not None:
         highest[begins < path.approach.until] = _HIGHEST_ACCELERATION
