@@ -69,6 +69,13 @@ KEPT: Dict[str, Scenario] = {
         (1.0, "late_start", {"delay": 1.5, "duration": 8.0}),
         (1.5, "linear_move", _linear_move((0.02, 0.0, 0.0), (0.0, 0.0, 0.0), 0.04, True)),
         (2.0, "feed_drops", {"fields": ("actual_position",), "duration": 2.0}), seed=8, settings=_SETTINGS),
+    "of a path whose end was left at the pendant before a slow feed could tell, the judge did not know": _scenario(
+        (1.3003, "slow_link", {"port": "STATUS", "carries": 0.85, "duration": 2.31212}),
+        (1.9638, "path", {
+            "segments": (("line", (0.023956, 0.055963, 0.05221, 0.0284846, 0.0164061, 0.0481644)),), "radius": 0.002,
+            "speed": 0.3587254, "then": "", "then_after": 1.5491473, "caller": 1}),
+        (2.9795, "pendant_move", {"joint": 3, "step": -0.3}), seed=2021350, settings=_SETTINGS,
+        dialect={"inpos": "late"}),
     "a move was told that it is stopped while every stop was refused": _scenario(
         (1.0, "refuse_stop_for", {"duration": 4.0}), (1.1, "joint_move", _joint_move(5, -3.0, 1.0, True)),
         (1.35, "stop", {"caller": 9}),

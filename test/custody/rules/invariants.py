@@ -440,7 +440,11 @@ class Judge:
 
     def _note_arrivals(self, plant: Any) -> None:
         for call in self.sent.open_calls.values():
-            if call.kind != "path" and call.waits and call.was_sent and not call.was_there:
+            if call.was_there or not call.was_sent or not call.waits:
+                continue
+            if call.kind == "path":
+                call.was_there = call.passed == len(call.command) and _is_there(call.command[-1], plant)[0]
+            else:
                 call.was_there = _is_there(call.command, plant)[0]
 
     def _untold(self, now: float, joints: Vector) -> None:
