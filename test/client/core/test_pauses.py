@@ -71,9 +71,9 @@ def test_a_motion_that_was_resumed_at_the_pendant_cannot_be_resumed(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_frame_without_the_pause_does_not_end_it(kind):
+def test_two_frames_without_the_pause_do_not_end_it(kind):
     story = paused(kind)
-    story.run(0.008, paused=False, **MOVING).run(20.0, **MOVING)
+    story.run(0.016, paused=False, **MOVING).run(20.0, **MOVING)
     assert asked(story, "resume", resume).error("resume") is None and story.error("end") == "pending"
     assert story.core.custody.motion.deadline > story.now + 50.0, "the time limit has waited"
 
