@@ -166,7 +166,7 @@ def _reached_q6(q6: float, x6: _InPlane, y6: _InPlane, wrist: _InPlane, d5: floa
     distance = math.hypot(wrist[0] + tip[0], wrist[1] + tip[1])
     allowed = min(max(distance, reach[0]), reach[1])
     twice = 2.0 * abs(d5) * math.hypot(*wrist)
-    if abs(distance - allowed) <= CLAMP_TOLERANCE or twice < CLAMP_TOLERANCE ** 2:
+    if abs(distance - allowed) <= CLAMP_TOLERANCE or twice == 0.0:
         return q6
     cosine = (allowed ** 2 - wrist[0] ** 2 - wrist[1] ** 2 - d5 ** 2) / twice
     here = math.atan2(wrist[0] * tip[1] - wrist[1] * tip[0], wrist[0] * tip[0] + wrist[1] * tip[1])

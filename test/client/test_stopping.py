@@ -259,6 +259,13 @@ def test_a_connection_lost_after_the_stop_is_not_made_anew_while_the_arm_comes_t
     assert story.said[-1] == "the arm is at rest"
 
 
+def test_an_arm_that_looks_still_is_left_to_a_driver_that_is_back_sooner_than_to_nobody(story):
+    story.connect()
+    story.send()
+    story.reply()
+    assert story.until(Step.FINISH, DriverCondition.BACK, speed=0.0) == pytest.approx(0.12, abs=2.1 * PERIOD)
+
+
 def test_an_arm_that_was_last_seen_half_a_second_ago_is_not_seen(story):
     story.connect()
     for _ in range(3):

@@ -191,6 +191,17 @@ def test_the_times_of_many_and_of_long_stretches_come_in_parts():
         assert rates.delay() == pytest.approx((1.0 / 0.9 - 1.0) * sum(u - s for s, u, _ in parts), rel=0.25)
 
 
+@pytest.mark.parametrize("factor", [1.15, 1.24])
+def test_the_rates_alone_keep_the_limits_where_they_change_too_and_from_the_first_piece_on(factor):
+    duration = (6.0 * 2.0 / (factor * ACCELERATION)) ** 0.5
+    path = build([at(0.0, (0.0,), REST), at(duration, (2.0,), REST)], slows=True)
+    times = np.arange(0.0, path.end, 0.001)
+    _, velocities, accelerations = path.samples(times)
+    rates, slopes = (values[:, None] for values in path.rates.samples(times))
+    assert np.abs(velocities * rates).max() <= TOP
+    assert np.abs(accelerations * rates ** 2 + velocities * rates * slopes).max() <= ACCELERATION
+
+
 def test_a_long_plan_is_slowed_in_memory_that_does_not_grow_with_it():
     duration = 1.5 * 4.0 / (1.1 * TOP)
     points = [at(n * duration, (2.0 if n % 2 else -2.0,), REST) for n in range(int(600.0 / duration))]
