@@ -213,8 +213,6 @@ class Admission:
 
     def retry(self, now: float) -> None:
         """Try again to begin the waiting requests."""
-        if not self._waiting:
-            return
         waiting, self._waiting = self._waiting, []
         for request in waiting:
             try:
