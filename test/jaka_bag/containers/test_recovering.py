@@ -192,7 +192,8 @@ def test_each_gap_is_told_with_its_bytes_times_and_reason(tmp_path, capsys):
     with open_log(tmp_path / "damaged.recovered.mcap") as reader:
         entry = next(e for e in reader.index.metadata if e.name == "jaka_bag.recovery")
         values = reader.read_metadata(entry)
-    assert values == {"source": "damaged.mcap", "messages": "19", "lost 1": told.split("lost: ")[1].strip()}
+    assert values == {"source": "damaged.mcap", "messages": "19", "losses": "1",
+                      "lost 1": told.split("lost: ")[1].strip()}
 
 
 def test_many_bombs_end_at_a_limit_that_is_said(tmp_path):

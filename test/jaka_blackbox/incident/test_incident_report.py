@@ -8,10 +8,11 @@ import subprocess
 
 import pytest
 from accident_samples import CALLS, DIAGNOSTICS, STATES, call, diagnostics, states
-from log_samples import JOINTS, START_NS, Sample, joints, tool, write
+from log_samples import JOINTS, START_NS, TOOL, Sample, joints, tool, write
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.registry import create_log
+from jaka_bag.messages.selection import TimePoint
 from jaka_blackbox.incident.loading import load_incident
 from jaka_blackbox.incident.page import incident_page
 from jaka_blackbox.incident.seconds import events_of, seconds_of
@@ -91,6 +92,84 @@ def test_each_second_tells_what_happened_in_it(log):
     assert seconds[-6].is_quiet and seconds[-6].end == -3
     assert any(event.sort == "silence" and "tool_position" in event.words for event in events_of(incident))
     assert incident.facts["host"] == "cell-7" and incident.counts["/jaka_driver/joint_position"] == 1250
+
+
+def shown(samples, tmp_path):
+    """Return the incident of a log, looked at where the arm was stopped."""
+    return load_incident(write(tmp_path / "log.mcap", samples), TimePoint(int(STOP_S * 1e9), False), 6.0, 20.0)
+
+
+def test_a_driver_that_dies_is_a_silence_to_the_end_and_no_state_and_no_line_goes_on(tmp_path):
+    last = START_NS + int(7.0 * 1e9)
+    incident = shown([one for one in accident() if one.time <= last or one.connection == CALLS], tmp_path)
+    until = incident.span[1]
+    ended = {one.topic: one for one in incident.silences if one.end == until}
+    assert set(ended) == {JOINTS.topic, TOOL.topic, STATES.topic}
+    assert all(one.start == pytest.approx(7.0 - STOP_S, abs=0.02) for one in ended.values())
+    words = [event.words for event in events_of(incident) if event.sort == "silence"]
+    assert sum("nor until the end of what is shown" in one for one in words) == 3
+    bars = re.findall(r"motion_state emergency stop from (\S+) s to (\S+) s", incident_page(incident))
+    assert [(float(a), float(b)) for a, b in bars] == [
+        (pytest.approx(0.0, abs=0.02), pytest.approx(7.0 - STOP_S, abs=0.02))]
+
+
+def test_a_state_of_the_last_message_is_shown(tmp_path):
+    last = max(one.time for one in accident() if one.connection == STATES and one.time <= START_NS + STOP_S * 1e9)
+    samples = [one for one in accident() if one.connection != STATES or one.time < last]
+    text = incident_page(shown([*samples, Sample(STATES, last, states(4, 1, 0, 0))], tmp_path))
+    assert "motion_state error from" in text
+
+
+def test_no_line_is_led_over_a_silence_or_a_value_that_is_no_number(log, tmp_path):
+    def pieces(incident):
+        return re.search(r"Speed of /jaka_driver/tool_position.*?<path class=\"candidate\" d=\"([^\"]*)", incident_page(
+            incident), re.DOTALL).group(1).count("M")
+
+    assert pieces(load_incident(log)) == 2
+    assert pieces(shown([one for one in accident() if one.time < START_NS + 8 * 10**9], tmp_path)) == 1
+
+
+def test_a_tool_that_moves_is_no_rest_and_a_second_without_samples_is_said_to_have_none(tmp_path):
+    incident = shown([one for one in accident() if one.connection in (TOOL, CALLS)
+                      and not 8.0 < (one.time - START_NS) / 1e9], tmp_path)
+    seconds = {second.start: second for second in seconds_of(incident)}
+    assert not seconds[-2].is_quiet and seconds[-2].tool == pytest.approx(0.2, rel=0.1)
+    assert "nothing happened" in incident_page(incident)
+    (tmp_path / "calls").mkdir()
+    calls = shown([one for one in accident() if one.connection == CALLS], tmp_path / "calls")
+    assert "no joints, no tool point recorded" in incident_page(calls)
+    assert "nothing happened" not in incident_page(calls)
+
+
+def test_a_joint_without_a_number_hides_no_other_and_the_fastest_of_a_quiet_time_counts(tmp_path):
+    samples = [joints(number, START_NS + number * 8_000_000, [
+        0.5 * max(0.0, number * 0.008 - 6.0), math.nan, 0.0, 0.0, 0.0, 0.001 * max(0.0, number * 0.008 - 3.0)])
+        for number in range(1250)]
+    seconds = {second.start: second for second in seconds_of(shown(samples, tmp_path))}
+    assert seconds[1].joint == ("joint_1", pytest.approx(0.5, rel=0.1))
+    first = min(seconds)
+    assert seconds[first].is_quiet and seconds[first].joint == ("joint_6", pytest.approx(0.001, rel=0.1))
+
+
+def test_what_is_left_out_is_said(tmp_path):
+    samples = accident()
+    for number in range(2100):
+        time = START_NS + 5 * 10**9 + number * 1000
+        samples.append(Sample(CALLS, time, call("/jaka_driver/get_io", True, "", "/cell", time_ns=time)))
+    for number in range(900):
+        samples.append(Sample(STATES, START_NS + 9 * 10**9 + number * 1000, states(number % 2, 1, 0, 0)))
+    text = incident_page(shown(sorted(samples, key=lambda one: one.time), tmp_path))
+    assert "102 more rows are left out." in text
+    assert "get_io (first 400 of 2100)" in text and "motion_state (first 400 of 9" in text
+
+
+def test_values_that_cannot_be_shown_are_named(tmp_path):
+    other = JOINTS._replace(definition="float64[] position\n", md5sum="0" * 32)
+    samples = [*accident(), Sample(other, START_NS + 10**10, b"\0\0\0\0"), Sample(CALLS, START_NS + 10**10, b"\1")]
+    incident = shown(samples, tmp_path)
+    assert incident.gaps == ["%s has 2 definitions: its values are not shown" % JOINTS.topic,
+                             "%s: 1 messages are not what its definition says, and are not shown" % CALLS.topic]
+    assert all(one in incident_page(incident) for one in incident.gaps)
 
 
 class Outline(html.parser.HTMLParser):

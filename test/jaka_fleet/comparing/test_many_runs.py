@@ -15,6 +15,7 @@ from pyarrow import parquet
 from synthetic_session import write_log
 
 from jaka_bag.cli.main import load_command, main, parser_of
+from jaka_fleet.comparing import page as comparing_page
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 RUNS, FIRST = 200, 120
@@ -129,6 +130,17 @@ def test_the_page_is_whole_needs_nothing_and_leads_to_the_reports_of_the_worst_r
         assert "joint_3" in (results / link).read_text(encoding="utf-8")
     assert {"drifts", "runs", "margins", "trends", "worst", "checks", "tolerances"} <= set(outline.names)
     assert text.count("<svg") >= 8 and "nan" not in "".join(re.findall(r' d="[^"]*"', text)).lower()
+
+
+def test_what_a_page_leaves_out_is_said(short_golden, logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(comparing_page, "_MOST_ROWS", 1)
+    monkeypatch.setattr(comparing_page, "_MOST_BARS", 5)
+    page = tmp_path / "page.html"
+    assert main(["compare", str(short_golden), "--against", str(logs / "press_2"), "-q", "--jobs", "1", "--results",
+                 str(tmp_path / "tables"), "--html", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "7 more earlier runs are in the tables." in text
+    assert re.search(r"\d+ more amounts are in the tables\.", text)
 
 
 def test_a_browser_draws_the_page_without_complaint(results, tmp_path):

@@ -104,7 +104,7 @@ def _attempt(recovery: LogRecovery, path: str, target: PathLike, compression: Op
             for file_id, count in unknown.items()))
         if losses and writer.capabilities.metadata:
             writer.add_metadata(ACCOUNT, {
-                "source": Path(path).name, "messages": str(written),
+                "source": Path(path).name, "messages": str(written), "losses": str(len(losses)),
                 **{"lost %d" % number: loss.describe() for number, loss in enumerate(losses[:_MOST_IN_ACCOUNT], 1)}})
     return written, losses
 

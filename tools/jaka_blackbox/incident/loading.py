@@ -108,6 +108,7 @@ class Incident:
         drops: Messages known to the recorder as lost, by topic; numbers by kind.
         facts: The recorder's statements about itself, host, clock and versions.
         attachments: Name and size, byte, of each.
+        gaps: What the log has and this does not, in words.
     """
 
     path: str
@@ -124,6 +125,7 @@ class Incident:
     drops: Dict[str, Dict[str, Any]] = field(default_factory=dict)
     facts: Dict[str, str] = field(default_factory=dict)
     attachments: List[Tuple[str, int]] = field(default_factory=list)
+    gaps: List[str] = field(default_factory=list)
 
 
 def _metadata(log: LogReader, name: str) -> Iterator[Dict[str, str]]:
@@ -211,14 +213,18 @@ class _Loader:
         kinds: Dict[str, Set[Tuple[str, str]]] = {}
         for connection in self._log.connections:
             kinds.setdefault(connection.topic, set()).add((connection.datatype, connection.md5sum))
-        topics = sorted({c.topic for c in self._log.connections if _reads(c) and len(kinds[c.topic]) == 1})
+        wanted = sorted({c.topic for c in self._log.connections if _reads(c)})
+        topics = [topic for topic in wanted if len(kinds[topic]) == 1]
+        self._incident.gaps += ["%s has %d definitions: its values are not shown" % (topic, len(kinds[topic]))
+                                for topic in wanted if topic not in topics]
         if not topics:
             return
         reader = ColumnReader(self._log, self._selection._replace(topics=topics))
         for topic, columns in reader.read().items():
             time = (columns.log_time - self._at_ns) / NS_PER_S
             if columns.connection.datatype == JOINT_TYPE:
-                self._take_joints(topic, columns, time)
+                if not self._take_joints(topic, columns, time):
+                    self._incident.gaps.append("%s: its messages differ in their joints, which are not shown" % topic)
             elif columns.connection.datatype == POSE_TYPE:
                 value = np.stack([columns.fields[name] for name in _AXES], axis=1)
                 self._incident.poses[topic] = Motion(("x", "y", "z"), time, value, _rate(time, value))
@@ -227,44 +233,62 @@ class _Loader:
                                                 for name, column in columns.fields.items()
                                                 if column.ndim == 1 and column.dtype.kind in "iub"}
 
-    def _take_joints(self, topic: str, columns: Columns, time: Array) -> None:
+    def _take_joints(self, topic: str, columns: Columns, time: Array) -> bool:
+        """Take the joints' motion; return False where it cannot be shown."""
         value, names, velocity = (columns.fields[name] for name in ("position", "name", "velocity"))
         if value.dtype == object or value.ndim != 2 or not value.shape[1]:
-            return
+            return False
         labels = tuple("joint %d" % (number + 1) for number in range(value.shape[1]))
         if names.dtype != object and names.shape[1:] == value.shape[1:]:
             ordered = [by_name(column, names, names[0]) if column.shape == value.shape else column
                        for column in (value, velocity)]
             if ordered[0] is None or ordered[1] is None:  # the values of one joint would be shown as another's
-                return
+                return False
             value, velocity = ordered[0], ordered[1]
             labels = tuple(bytes(name).decode("utf-8", "replace") for name in names[0])
         if velocity.dtype == object or velocity.shape != value.shape:
             velocity = _rate(time, value)
         self._incident.joints[topic] = Motion(labels, time, value, velocity)
+        return True
 
     def _load_messages(self) -> None:
         incident = self._incident
         readers: Dict[Connection, Optional[ValueReader]] = {}
         levels: Dict[str, Tuple[str, str]] = {}
         times: Dict[str, List[float]] = {}
+        unread: Dict[str, int] = {}
         for message in messages_of(self._log, self._selection):
             times.setdefault(message.connection.topic, []).append(self._time(message.log_time))
             if message.connection.datatype in (CALL_TYPE, DIAGNOSTICS_TYPE):
                 values = _values(readers, message)
-                if values is not None and message.connection.datatype == CALL_TYPE:
+                if values is None:
+                    unread[message.connection.topic] = unread.get(message.connection.topic, 0) + 1
+                elif message.connection.datatype == CALL_TYPE:
                     self._take_call(message, values)
-                elif values is not None:
+                else:
                     self._take_statuses(message, values, levels)
         incident.counts.update({topic: len(found) for topic, found in sorted(times.items())})
+        incident.gaps += ["%s: %d messages are not what its definition says, and are not shown" % (topic, count)
+                          for topic, count in sorted(unread.items())]
         for topic, found in times.items():
-            steps = np.diff(found)
-            usual = float(np.median(steps)) if len(steps) >= _STEADY else 0.0
-            limit = max(_USUAL_INTERVALS * usual, _LEAST_SILENCE_S)
-            for number in np.flatnonzero(steps > limit).tolist() if 0.0 < usual < limit else ():
-                incident.silences.append(Silence(found[number], found[number + 1], topic))
-        incident.silences = sorted(sorted(incident.silences, key=lambda one: one.start - one.end)[:_SILENCES])
+            self._take_silences(topic, found)
+        longest = sorted(incident.silences, key=lambda one: one.start - one.end)
+        if len(longest) > _SILENCES:
+            incident.gaps.append("%d more silences, of at most %.3f s, are not shown" % (
+                len(longest) - _SILENCES, longest[_SILENCES].end - longest[_SILENCES].start))
+        incident.silences = sorted(longest[:_SILENCES])
         incident.calls.sort()
+
+    def _take_silences(self, topic: str, found: List[float]) -> None:
+        """Take the silences of a topic that comes steadily, those before its first and behind its last message, too."""
+        steps = np.diff(found)
+        usual = float(np.median(steps)) if len(steps) >= _STEADY else 0.0
+        limit = max(_USUAL_INTERVALS * usual, _LEAST_SILENCE_S)
+        if not 0.0 < usual < limit:
+            return
+        ends = [self._incident.span[0], *found, self._incident.span[1]]
+        self._incident.silences += [Silence(ends[number], ends[number + 1], topic)
+                                    for number in np.flatnonzero(np.diff(ends) > limit).tolist()]
 
     def _take_call(self, message: Message, values: Dict[str, Any]) -> None:
         stamp = values["header"]["stamp"]

@@ -9,6 +9,9 @@ from jaka_bag.compare.checks.state_checks import state_name
 from .loading import Incident, Motion
 
 _LONGEST = 240
+AT_REST = 0.01
+"""Speed, rad/s, below which a joint counts as still here."""
+_TOOL_AT_REST = 0.001
 
 
 class IncidentEvent(NamedTuple):
@@ -40,8 +43,14 @@ class Second(NamedTuple):
 
     @property
     def is_quiet(self) -> bool:
-        """True where nothing happened and nothing moved."""
-        return not self.events and (self.joint is None or self.joint[1] < 0.01)
+        """True where nothing happened and nothing was seen to move."""
+        return not self.events and (self.joint is None or self.joint[1] < AT_REST) and (
+            self.tool is None or self.tool < _TOOL_AT_REST)
+
+    @property
+    def is_seen(self) -> bool:
+        """True where joints or a tool point were recorded."""
+        return self.joint is not None or self.tool is not None
 
 
 def _short(text: str) -> str:
@@ -71,8 +80,9 @@ def events_of(incident: Incident) -> List[IncidentEvent]:
             events.append(IncidentEvent(change.at, sort, "%s: %s%s, %s" % (
                 change.name, "%s -> " % change.before if change.before else "", change.level, _short(change.message))))
     for silence in incident.silences:
-        events.append(IncidentEvent(silence.start, "silence", "nothing came on %s for %.3f s" % (
-            silence.topic, silence.end - silence.start)))
+        events.append(IncidentEvent(silence.start, "silence", "nothing came on %s for %.3f s%s" % (
+            silence.topic, silence.end - silence.start,
+            ", nor until the end of what is shown" if silence.end == incident.span[1] else "")))
     return sorted(event for event in events if incident.span[0] <= event.at <= incident.span[1])
 
 
@@ -80,8 +90,8 @@ def _largest(motion: Motion, start: int) -> Optional[Tuple[int, float]]:
     """Return the column with the largest absolute velocity in a second, and that velocity."""
     first, last = np.searchsorted(motion.time, (start, start + 1))
     part = np.abs(motion.velocity[int(first):int(last)])
-    part = part[np.isfinite(part).all(axis=1)]
-    if not len(part):
+    part = np.where(np.isfinite(part), part, -1.0)  # a joint without a number hides no other
+    if not (part >= 0.0).any():
         return None
     column = int(part.max(axis=0).argmax())
     return column, float(part[:, column].max())
@@ -105,6 +115,14 @@ def _tool_speed(incident: Incident, start: int) -> Optional[float]:
     return max(found) if found else None
 
 
+def _faster(one: Optional[Tuple[str, float]], other: Optional[Tuple[str, float]]) -> Optional[Tuple[str, float]]:
+    return one or other if one is None or other is None else max(one, other, key=lambda joint: joint[1])
+
+
+def _larger(one: Optional[float], other: Optional[float]) -> Optional[float]:
+    return max((speed for speed in (one, other) if speed is not None), default=None)
+
+
 def seconds_of(incident: Incident) -> List[Second]:
     """Return each second with an event or a motion, and the quiet stretches between, each joined into one."""
     by_second: Dict[int, List[IncidentEvent]] = {}
@@ -114,8 +132,10 @@ def seconds_of(incident: Incident) -> List[Second]:
     for start in range(math.floor(incident.span[0]), math.floor(incident.span[1]) + 1):
         second = Second(start, start + 1, tuple(by_second.get(start, ())), _fastest_joint(incident, start),
                         _tool_speed(incident, start))
-        if result and result[-1].is_quiet and second.is_quiet:
-            result[-1] = result[-1]._replace(end=second.end)
+        before = result[-1] if result else None
+        if before is not None and before.is_quiet and second.is_quiet and before.is_seen == second.is_seen:
+            result[-1] = before._replace(end=second.end, joint=_faster(before.joint, second.joint),
+                                         tool=_larger(before.tool, second.tool))
         else:
             result.append(second)
     return result

@@ -156,6 +156,11 @@ def _drifts(history: RunHistory) -> str:
     return legend + cards + ("<p>%d more are in the table of trends.</p>" % rest if rest > 0 else "")
 
 
+def _more(count: int, most: int, what: str) -> str:
+    """Return the words about what is left out of so many; "" where nothing is."""
+    return "<p>%d more %s are in the tables.</p>" % (count - most, what) if count > most else ""
+
+
 _STYLES = {SAME: "same", DIFFERENT: "different"}
 
 
@@ -175,9 +180,10 @@ def _run_bars(history: RunHistory) -> str:
     legend = ('<p class="legend"><span class="box" style="--k:var(--good)">same</span>'
               '<span class="box" style="--k:var(--bad)">different</span>'
               '<span class="box" style="--k:var(--faint)">not compared</span></p>')
+    hidden = sum(max(0, sum(run.start_ns > 0 for run in cell.runs) - _MOST_BARS) for cell in history.cells[:_MOST_ROWS])
     return legend + figures_of([Figure("Days since %s, UTC" % day(start), time_line(
         "Runs over time", "A row for each cell, a bar for each run; its colour is the verdict.", rows,
-        (0.0, max(until, 1e-4))))])
+        (0.0, max(until, 1e-4))))]) + _more(len(history.cells), _MOST_ROWS, "cells") + _more(hidden, 0, "earlier runs")
 
 
 def _table(heads: Sequence[str], rows: Iterable[str]) -> str:
@@ -207,11 +213,10 @@ def _trends(history: RunHistory) -> str:
     series = [one for cell in history.cells for one in cell.series]
     series.sort(key=lambda one: one.change is None)
     rows = [_trend_row(one, history) for one in series[:_MOST_ROWS]]
-    rest = len(series) - _MOST_ROWS
     return ("<p>Slopes over all runs by Theil and Sen, with 95 %% confidence; the amount of a joint is its largest "
             "difference from the golden log.</p>%s%s" % (
                 _table(("cell", "what", "now", "limit", "trend", "is sure", "drifts since"), rows),
-                "<p>%d more are in the tables.</p>" % rest if rest > 0 else ""))
+                _more(len(series), _MOST_ROWS, "amounts")))
 
 
 def _margin(value: Optional[float]) -> str:
@@ -240,14 +245,14 @@ def _checks(history: RunHistory) -> str:
         escape(name), len({run.key for run in runs}), escape(", ".join(sorted({run.cell for run in runs}))),
         day(runs[0].start_ns), escape(os.path.basename(runs[0].path)))
         for name, runs in sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))[:_MOST_ROWS]]
-    return _table(("check", "runs", "cells", "first"), rows) if rows else ""
+    return _table(("check", "runs", "cells", "first"), rows) + _more(len(found), _MOST_ROWS, "checks") if rows else ""
 
 
 def _left(history: RunHistory) -> str:
     left = [run for run in history.runs if run.verdict not in (SAME, DIFFERENT)]
     rows = ['<tr><th scope="row">%s</th><td>%s</td><td class="outcome not-compared">%s</td><td>%s</td></tr>' % (
         escape(run.path), escape(run.cell), escape(run.verdict), escape(run.reason)) for run in left[:_MOST_ROWS]]
-    return _table(("log", "cell", "outcome", "why"), rows) if rows else ""
+    return _table(("log", "cell", "outcome", "why"), rows) + _more(len(left), _MOST_ROWS, "logs") if rows else ""
 
 
 def as_page(history: RunHistory, setup: Setup, against: str, reports: Mapping[str, str]) -> str:

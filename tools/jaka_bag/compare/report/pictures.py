@@ -209,6 +209,8 @@ class Pictures:
                 calls = [call for call in run.calls if call.service == service]
                 if x_range is not None:
                     calls = [call for call in calls if call.end - lag >= x_range[0] and call.start - lag <= x_range[1]]
+                if len(calls) > _MOST_CALLS:
+                    label = "%s (first %d of %d)" % (label, _MOST_CALLS, len(calls))
                 rows.append(Row(label, [_call_bar(call, lag) for call in calls[:_MOST_CALLS]]))
             if not (rows[-1].bars or rows[-2].bars):
                 del rows[-2:]
