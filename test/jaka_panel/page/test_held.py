@@ -4,6 +4,7 @@ import time
 
 import pytest
 from fake_panel import ARM
+from waiting import eventually
 
 JOG = ".jog-button[data-axis='0'][data-sign='1']"
 HELD = "document.querySelector('.jog-button.held') !== null"
@@ -11,7 +12,12 @@ TRIES = 10
 
 
 def quiet(panel):
-    """Return whether no heartbeat comes for as long as six would have."""
+    """Return whether no heartbeat comes for as long as six would have, once the jog's end has come.
+
+    A page that has ended its jog may have heartbeats on their way, to a panel that is busy.
+    """
+    words = ("jog", "jog_stop")
+    assert eventually(lambda: [one["t"] for one in panel.doing() if one["t"] in words][-1:] == ["jog_stop"])
     count = len(panel.sent("jog"))
     time.sleep(0.3)
     return len(panel.sent("jog")) == count
