@@ -96,6 +96,7 @@ def test_each_second_tells_what_happened_in_it(log):
 
 def shown(samples, tmp_path):
     """Return the incident of a log, looked at where the arm was stopped."""
+    tmp_path.mkdir(exist_ok=True)
     return load_incident(write(tmp_path / "log.mcap", samples), TimePoint(int(STOP_S * 1e9), False), 6.0, 20.0)
 
 
@@ -111,6 +112,22 @@ def test_a_driver_that_dies_is_a_silence_to_the_end_and_no_state_and_no_line_goe
     bars = re.findall(r"motion_state emergency stop from (\S+) s to (\S+) s", incident_page(incident))
     assert [(float(a), float(b)) for a, b in bars] == [
         (pytest.approx(0.0, abs=0.02), pytest.approx(7.0 - STOP_S, abs=0.02))]
+
+
+def test_a_status_that_is_not_reported_any_more_does_not_go_on(tmp_path):
+    samples = [one for one in accident() if one.connection != DIAGNOSTICS or one.time < START_NS + 5 * 10**9]
+    incident = shown(samples, tmp_path)
+    assert incident.ended == {name: pytest.approx(4.005 - STOP_S, abs=1e-6)
+                              for name in ("jaka_driver: emergency stop", "jaka_driver: guard")}
+    words = [event.words for event in events_of(incident)]
+    assert "jaka_driver: guard: not reported any more" in words
+    widths = [float(width) for width in re.findall(
+        r"guard: WARN, level 1</title><rect x=\"\S+\" y=\"\d+\" width=\"(\S+)\"", incident_page(incident))]
+    whole = [float(width) for width in re.findall(
+        r"guard: WARN, level 1</title><rect x=\"\S+\" y=\"\d+\" width=\"(\S+)\"", incident_page(
+            shown(accident(), tmp_path / "whole")))]
+    assert len(widths) == len(whole) == 1 and widths[0] < 0.5 * whole[0]
+    assert not load_incident(tmp_path / "whole" / "log.mcap").ended
 
 
 def test_a_state_of_the_last_message_is_shown(tmp_path):
@@ -135,7 +152,6 @@ def test_a_tool_that_moves_is_no_rest_and_a_second_without_samples_is_said_to_ha
     seconds = {second.start: second for second in seconds_of(incident)}
     assert not seconds[-2].is_quiet and seconds[-2].tool == pytest.approx(0.2, rel=0.1)
     assert "nothing happened" in incident_page(incident)
-    (tmp_path / "calls").mkdir()
     calls = shown([one for one in accident() if one.connection == CALLS], tmp_path / "calls")
     assert "no joints, no tool point recorded" in incident_page(calls)
     assert "nothing happened" not in incident_page(calls)

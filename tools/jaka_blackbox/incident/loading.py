@@ -31,6 +31,8 @@ _POSE_NAME = "tool_position"
 _BEFORE_S, _AFTER_S = 60.0, 20.0
 _AXES = ["twist.linear." + axis for axis in "xyz"]
 _SILENCES, _LEAST_SILENCE_S, _USUAL_INTERVALS = 40, 0.2, 8.0
+_STATUS_LASTS_S = 3.5
+"""Time, s, without a status of diagnostics, which come once a second, after which it is not reported any more."""
 _STEADY = 20
 
 
@@ -103,6 +105,7 @@ class Incident:
         states: By topic and field: time in s, whole numbers.
         calls: Service calls by time.
         changes: Changes in diagnostics, by time.
+        ended: When each status that was not reported to the end was last reported, s, by its name.
         silences: Silences by time.
         counts: Messages by topic.
         drops: Messages known to the recorder as lost, by topic; numbers by kind.
@@ -120,6 +123,7 @@ class Incident:
     states: Dict[str, Dict[str, Tuple[Array, Array]]] = field(default_factory=dict)
     calls: List[ServedCall] = field(default_factory=list)
     changes: List[StatusChange] = field(default_factory=list)
+    ended: Dict[str, float] = field(default_factory=dict)
     silences: List[Silence] = field(default_factory=list)
     counts: Dict[str, int] = field(default_factory=dict)
     drops: Dict[str, Dict[str, Any]] = field(default_factory=dict)
@@ -257,6 +261,7 @@ class _Loader:
         levels: Dict[str, Tuple[str, str]] = {}
         times: Dict[str, List[float]] = {}
         unread: Dict[str, int] = {}
+        reported: Dict[str, float] = {}
         for message in messages_of(self._log, self._selection):
             times.setdefault(message.connection.topic, []).append(self._time(message.log_time))
             if message.connection.datatype in (CALL_TYPE, DIAGNOSTICS_TYPE):
@@ -267,9 +272,11 @@ class _Loader:
                     self._take_call(message, values)
                 else:
                     self._take_statuses(message, values, levels)
+                    reported.update({status["name"]: self._time(message.log_time) for status in values["status"]})
         incident.counts.update({topic: len(found) for topic, found in sorted(times.items())})
         incident.gaps += ["%s: %d messages are not what its definition says, and are not shown" % (topic, count)
                           for topic, count in sorted(unread.items())]
+        incident.ended.update({name: at for name, at in reported.items() if incident.span[1] - at > _STATUS_LASTS_S})
         for topic, found in times.items():
             self._take_silences(topic, found)
         longest = sorted(incident.silences, key=lambda one: one.start - one.end)

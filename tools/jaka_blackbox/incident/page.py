@@ -135,7 +135,7 @@ def _time_lines(incident: Incident) -> List[Figure]:
             for call in incident.calls if call.service == service]))
     for name in sorted({change.name for change in incident.changes if change.level != "OK"}):
         changes = [change for change in incident.changes if change.name == name]
-        ends = [change.at for change in changes[1:]] + [until]
+        ends = [change.at for change in changes[1:]] + [incident.ended.get(name, until)]
         rows.append(_row(name.split(": ", 1)[-1], [
             Bar(change.at, end, "state state2" if change.level == "ERROR" else "state state5", change.level,
                 "%s: %s, %s" % (name, change.level, change.message))

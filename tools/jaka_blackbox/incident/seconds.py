@@ -79,6 +79,8 @@ def events_of(incident: Incident) -> List[IncidentEvent]:
             sort = "fault" if change.level == "ERROR" else "diagnostics"
             events.append(IncidentEvent(change.at, sort, "%s: %s%s, %s" % (
                 change.name, "%s -> " % change.before if change.before else "", change.level, _short(change.message))))
+    for name, at in incident.ended.items():
+        events.append(IncidentEvent(at, "silence", "%s: not reported any more" % name))
     for silence in incident.silences:
         events.append(IncidentEvent(silence.start, "silence", "nothing came on %s for %.3f s%s" % (
             silence.topic, silence.end - silence.start,
