@@ -137,6 +137,32 @@ def test_joints_are_drawn_under_their_own_names_whatever_the_order(tmp_path, by_
     assert not sketch.notes
 
 
+@pytest.mark.parametrize("by_piece", [False, True])
+def test_no_line_is_led_over_a_gap_and_a_state_lasts_to_it(tmp_path, by_piece):
+    parts = [[one for one in SAMPLES if one.time < START_NS + 9 * 10**8],
+             [one for one in SAMPLES if one.time > START_NS + 15 * 10**8]]
+    sketch = Sketch()
+    for i, some in enumerate(parts if by_piece else [parts[0] + parts[1]]):
+        for topic, columns in read_columns(write(tmp_path / ("%d.bag" % i), some)).items():
+            sketch.add(topic, columns)
+    panels = sketch.panels()[0]
+    assert len(panels) > 3
+    for panel in panels:
+        for name, time, values in panel.lines:
+            (gap,) = time[np.isnan(values)]
+            assert 0.9 < gap < 1.5, name
+            if panel.is_steps:
+                assert time[time < gap][-1] == pytest.approx(0.9, abs=0.02) and time[time > gap][0] < 1.52
+
+
+def test_what_comes_now_and_then_is_one_line(tmp_path):
+    times = [START_NS + int(at * 1e9) for at in np.cumsum(np.random.default_rng(3).exponential(0.5, 60))]
+    samples = [one._replace(time=time) for one, time in zip(
+        [one for one in SAMPLES if one.connection == JOINTS], times)]
+    ((panel,), _) = panels_of(read_columns(write(tmp_path / "log.bag", samples)))
+    assert not any(np.isnan(values).any() for _, _, values in panel.lines)
+
+
 def test_joints_of_changing_names_are_left_out_with_a_note(tmp_path, capsys):
     log = write(tmp_path / "log.bag", in_order(_turned([("joint_1", "joint_2"), ("joint_1", "other")])
                                                + [s for s in SAMPLES if s.connection != JOINTS]))

@@ -20,6 +20,8 @@ from .tool_poses import POSE_FIELDS, are_numbers, tool_poses
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
 _MOST_CHANGES = 100000
+_LEAST_GAP_S, _USUAL_INTERVALS, _STEADY = 0.3, 8.0, 20
+"""Of a topic that comes steadily: no line is led over a gap of so many s, and so many usual intervals."""
 _FLAGS = ("power_state", "servo_state", "collision_state")
 _STATES = ("motion_state", *_FLAGS)
 JOINT_TYPE = "sensor_msgs/JointState"
@@ -60,17 +62,40 @@ class _Curves:
         self._ticks, self._is_steps = ticks, is_steps
         self._lines: List[Union[MinMax, Changes]] = [
             Changes(_MOST_CHANGES) if is_steps else MinMax(_MAX_POINTS) for _ in names]
+        self._gaps: List[float] = []
+        self._until = np.zeros(0)
+        self._usual = np.inf
 
     def add(self, time: Array, columns: Iterable[Array]) -> None:
         """Add further samples: s, and the values of each line."""
+        places, gaps = self._gaps_before(time)
+        if self._is_steps:  # a value lasts to the gap
+            time = np.insert(time, places, gaps)
+            columns = [np.insert(values.astype(float), places, np.nan) for values in columns]
+        else:  # so many samples at a time are one point that a number among them would be lost there
+            self._gaps += gaps.tolist()
         for line, values in zip(self._lines, columns):
             line.add(time, values)
 
+    def _gaps_before(self, time: Array) -> Tuple[Array, Array]:
+        """Return before which samples there is a gap, and a time within each, s: (k,) each."""
+        times = np.concatenate([self._until, time])
+        self._until = times[-1:]
+        steps = np.diff(times)
+        if len(steps) >= _STEADY:
+            self._usual = float(np.median(steps))
+        before = np.flatnonzero(steps > max(_LEAST_GAP_S, _USUAL_INTERVALS * self._usual))
+        return before + 1 - (len(times) - len(time)), times[before] + 0.5 * steps[before]
+
     def panel(self, earlier_s: float) -> Panel:
         """Return the diagram, its times ``earlier_s`` earlier."""
-        points = [line.points() for line in self._lines]
-        return Panel(self.title, self._unit, tuple((name, time - earlier_s, values) for name, (time, values)
-                                                   in zip(self.names, points)), self._is_steps, self._ticks)
+        lines = []
+        for name, line in zip(self.names, self._lines):
+            time, values = line.points()
+            places = np.searchsorted(time, self._gaps)
+            lines.append((name, np.insert(time, places, self._gaps) - earlier_s,
+                          np.insert(values.astype(float), places, np.nan)))
+        return Panel(self.title, self._unit, tuple(lines), self._is_steps, self._ticks)
 
 
 class _TopicSketch:
