@@ -249,6 +249,9 @@ def check(words, written, target=""):
         service_called(rest)
     elif program == "rostopic":
         topic_used(rest)
+    elif program == "rosnode":
+        if rest != ["list"]:
+            raise Wrong("rosnode %s" % rest)
     elif program == "rosparam":
         if rest[0] != "load" or not (ROOT / rest[1]).is_file():
             raise Wrong("rosparam %s" % rest)
@@ -404,7 +407,7 @@ def test_each_program_by_hand_says_how_it_is_started():
     "python3 test/no_such.py", "python test/benchmark/bench_io.py",
     "build/venv/bin/python3 test/benchmark/bench_io.py many", "build/venv/bin/python3 test/custody/simulate.py --x",
     "PYTHONPATH=. build/venv/bin/python3 test/simulation/test_documentation.py", "pip install ./tools[no_such]",
-    "no_such_program"])
+    "rosnode dance", "no_such_program"])
 def test_a_command_that_is_wrong_is_noticed(planted):
     (written,) = of_page("page", "```sh\n%s\n```\n" % planted)
     with pytest.raises((Wrong, RuntimeError, ValueError)):

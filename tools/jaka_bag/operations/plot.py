@@ -21,7 +21,7 @@ FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
 _MOST_CHANGES = 100000
 _LEAST_GAP_S, _USUAL_INTERVALS, _STEADY = 0.3, 8.0, 20
-"""Of a topic that comes steadily: no line is led over a gap of so many s, and so many usual intervals."""
+"""Gap, s and in usual intervals, over which no line is led; how many steps show what is usual."""
 _FLAGS = ("power_state", "servo_state", "collision_state")
 _STATES = ("motion_state", *_FLAGS)
 JOINT_TYPE = "sensor_msgs/JointState"
