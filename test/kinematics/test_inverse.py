@@ -8,7 +8,7 @@ from reference_values import reference_values
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
-from jaka_ros_driver.kinematics import inverse, numeric_inverse, rotations
+from jaka_ros_driver.kinematics import closed_forms, inverse, numeric_inverse, rotations
 from jaka_ros_driver.kinematics.arm_models import THREE_PARALLEL, ArmModel, DhRow, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 from jaka_ros_driver.units import mm_to_m
@@ -382,3 +382,8 @@ def test_the_lowest_point_of_a_dip_that_does_not_reach_zero_is_found(place):
 def test_of_a_dip_below_zero_a_place_below_zero_is_found(place):
     dip = _Dip(place, -0.002)
     assert dip.residual(numeric_inverse._lowest(dip, 0, 0.0, 1.0), 0) < 0.0
+
+
+def test_where_no_turn_of_joint_6_brings_the_tip_nearer_it_stays():
+    # the wrist on the axis of the shoulder: the tip goes round it, as far away as before
+    assert closed_forms._reached_q6(0.3, (1.0, 0.0), (0.0, 1.0), (0.0, 0.0), 0.1, (0.2, 0.9)) == 0.3
