@@ -37,7 +37,7 @@ def test_a_rival_has_a_code_of_its_own(ros_node):
 
 
 @pytest.fixture
-def graph(tmp_path):
+def graph(ros_node, tmp_path):  # which calls services as a node
     with Graph(tmp_path) as graph:
         graph.environment.update(XDG_RUNTIME_DIR=str(tmp_path))
         yield graph
