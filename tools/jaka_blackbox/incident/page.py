@@ -9,7 +9,7 @@ import numpy as np
 from jaka_bag.compare.checks.state_checks import state_name
 from jaka_bag.compare.report.html import body_of, contents_of, definitions, figures_of, page
 from jaka_bag.compare.report.pictures import Figure
-from jaka_bag.compare.report.svg import Bar, Line, Row, chart, plane, time_line
+from jaka_bag.compare.report.svg import Bar, Line, Row, bounded_row, chart, plane, time_line
 from jaka_bag.messages.batch import Array
 from jaka_bag.operations.plot import thin
 from jaka_bag.units import NS_PER_S
@@ -21,7 +21,6 @@ _Item = TypeVar("_Item")
 _POINTS = 1100
 _PATH_POINTS = 3000
 _MOST_ROWS = 2000
-_MOST_BARS = 400
 _MOST_TRIGGERS = 20
 _LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
            ("overflowed", "thrown away, the recorder's memory was full"), ("unwritten", "not written"))
@@ -97,13 +96,6 @@ def _path_figures(incident: Incident) -> List[Figure]:
     return figures
 
 
-def _row(name: str, bars: Sequence[Bar]) -> Row:
-    """Return a row of a time line; one of very many bars says that some are left out."""
-    if len(bars) > _MOST_BARS:
-        name = "%s (first %d of %d)" % (name, _MOST_BARS, len(bars))
-    return Row(name, bars[:_MOST_BARS])
-
-
 def _state_row(name: str, field: str, time_s: Array, value: Array, silences: Sequence[Silence], until: float) -> Row:
     """Return the row of a state: a bar for each value, and none where nothing came."""
     begins = np.concatenate([[0], np.flatnonzero(np.diff(value)) + 1]) if len(value) else np.zeros(0, np.int64)
@@ -116,7 +108,7 @@ def _state_row(name: str, field: str, time_s: Array, value: Array, silences: Seq
             if since < to or since == start:  # of one message, too
                 bars.append(Bar(since, to, "state state%d" % (int(value[number]) % 6), words,
                                 "%s %s from %.3f s to %.3f s" % (field, words, since, to)))
-    return _row(name, bars)
+    return bounded_row(name, bars)
 
 
 def _time_lines(incident: Incident) -> List[Figure]:
@@ -128,7 +120,7 @@ def _time_lines(incident: Incident) -> List[Figure]:
         rows += [_state_row("%s %s" % (arm, name) if arm else name, name, *values, silences, until)
                  for name, values in fields.items()]
     for service in sorted({call.service for call in incident.calls}):
-        rows.append(_row(service.strip("/").replace("jaka_driver/", ""), [
+        rows.append(bounded_row(service.strip("/").replace("jaka_driver/", ""), [
             Bar(call.at, call.at + call.duration, "call" if call.success else "call failed", "",
                 "%s called by %s at %.3f s, %.3f s, %s" % (call.service, call.caller, call.at, call.duration,
                                                           "succeeded" if call.success else "failed: " + call.error))
@@ -136,7 +128,7 @@ def _time_lines(incident: Incident) -> List[Figure]:
     for name in sorted({change.name for change in incident.changes if change.level != "OK"}):
         changes = [change for change in incident.changes if change.name == name]
         ends = [change.at for change in changes[1:]] + [incident.ended.get(name, until)]
-        rows.append(_row(name.split(": ", 1)[-1], [
+        rows.append(bounded_row(name.split(": ", 1)[-1], [
             Bar(change.at, end, "state state2" if change.level == "ERROR" else "state state5", change.level,
                 "%s: %s, %s" % (name, change.level, change.message))
             for change, end in zip(changes, ends) if change.level != "OK"]))

@@ -12,7 +12,7 @@ from ..matching.curve_distance import interpolated
 from ..runs.run import Call, LongTrack, Track, arm_of
 from ..tolerances import Tolerances
 from ..verdict import Aspect, Check, Comparison, ResidualKey
-from .svg import Bar, Line, Row, chart, plane, time_line
+from .svg import Bar, Line, Row, bounded_row, chart, plane, time_line
 from .warping import warping
 
 _POINTS = 1100
@@ -20,7 +20,6 @@ _PATH_POINTS = 3000
 _MARGIN_S = 0.5
 _OVERLAID = "Golden log and candidate over time, one upon the other."
 _AXES = "xyz"
-_MOST_CALLS = 400
 
 
 class Figure(NamedTuple):
@@ -209,9 +208,7 @@ class Pictures:
                 calls = [call for call in run.calls if call.service == service]
                 if x_range is not None:
                     calls = [call for call in calls if call.end - lag >= x_range[0] and call.start - lag <= x_range[1]]
-                if len(calls) > _MOST_CALLS:
-                    label = "%s (first %d of %d)" % (label, _MOST_CALLS, len(calls))
-                rows.append(Row(label, [_call_bar(call, lag) for call in calls[:_MOST_CALLS]]))
+                rows.append(bounded_row(label, [_call_bar(call, lag) for call in calls]))
             if not (rows[-1].bars or rows[-2].bars):
                 del rows[-2:]
         if not rows:

@@ -41,6 +41,13 @@ class Row(NamedTuple):
     bars: Sequence[Bar]
 
 
+def bounded_row(name: str, bars: Sequence[Bar], most: int = 400) -> Row:
+    """Return a row with at most so many bars; the name of one with more says so."""
+    if len(bars) > most:
+        name = "%s (first %d of %d)" % (name, most, len(bars))
+    return Row(name, bars[:most])
+
+
 def ticks(low: float, high: float, most: int) -> List[float]:
     """Round numbers between two values, at most about ``most``."""
     span = high - low
