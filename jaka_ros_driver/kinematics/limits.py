@@ -119,6 +119,14 @@ def accepted_limits(model: ArmModel, standing: Optional[Sequence[float]]) -> Joi
     return model.joint_limits if standing is None else _reaching(model.joint_limits, standing)
 
 
+def are_inside(joints: Sequence[float], ranges: JointRanges) -> bool:
+    """Return whether every joint, rad (6,), is within its range; a joint that is no number is not."""
+    for value, (low, high) in zip(joints, ranges):
+        if not low <= value <= high:
+            return False
+    return True
+
+
 def led_inside(target: Vector, ranges: JointRanges) -> Tuple[Vector, str]:
     """Return the target, rad (6,), moved into the ranges, and in words which joint was led to where; "" for none."""
     led = tuple([min(max(value, low), high) for value, (low, high) in zip(target, ranges)])
@@ -246,6 +254,8 @@ def _pose(name: str, pose: Any) -> None:
 
 
 def _joint_target(name: str, values: Sequence[float], model: ArmModel, standing: Optional[Vector] = None) -> None:
+    if are_inside(values, model.joint_limits):  # every servo target passes here, so that nothing is made for it
+        return
     for n, (value, (low, high)) in enumerate(zip(values, accepted_limits(model, standing))):
         _number("%s[%d] (joint %d of %s)" % (name, n, n + 1, model.name), value, low, high, "rad")
 

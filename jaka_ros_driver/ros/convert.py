@@ -452,7 +452,10 @@ def _positive(name: str, value: float) -> float:
 def _numbers(name: str, values: Sequence[float], what: str) -> Tuple[float, ...]:
     if len(values) != 6:
         raise InvalidCommand("%s has %d values; it must have 6: %s" % (name, len(values), what))
-    return tuple(_finite("%s[%d]" % (name, n), value) for n, value in enumerate(values))
+    for n, value in enumerate(values):
+        if not math.isfinite(value):
+            _finite("%s[%d]" % (name, n), value)
+    return tuple(map(float, values))
 
 
 def _pose_in_m(name: str, values: Sequence[float]) -> c.Pose:
@@ -499,6 +502,8 @@ def _is_digital(signal: str) -> bool:
 
 
 def _settled(value: float, low: float, high: float) -> float:
+    if low <= value <= high:
+        return value
     slack = limits.FLOAT32_SLACK * max(abs(low), abs(high))
     if low - slack <= value <= high + slack:
         return min(max(value, low), high)

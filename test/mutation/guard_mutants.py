@@ -45,7 +45,7 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("a stream that must brake stops at once", "client/core/motion_guard/frame_guard.py",
            "0.0 if abs(s) <= abs(less) * (1.0 + _ROUNDING) else s - less", "0.0", MOTIONS),
     Mutant("clear space has no end", "client/core/motion_guard/clear_space.py",
-           "        return moved < self._room\n", "        return True\n", MOTIONS),
+           "            if not moved < self._room:", "            if False:", MOTIONS),
     Mutant("a program is not watched", "client/core/planned/program.py",
            "        trouble = self._feed_watch.trouble(state)\n", "        trouble = \"\"\n", PROGRAMS),
     Mutant("a watch forgets the time of reaction", "client/core/motion_guard/feed_watch.py",

@@ -349,7 +349,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("servo targets leave the joint limits", "client/core/servo_planner.py",
            "if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:", "if False:", PLANNER),
     Mutant("a target at the limit is not clamped", "client/core/servo_planner.py",
-           "goal, led = led_inside(goal, stream_limits(self._model, self._position))", 'led = ""', PLANNER),
+           "return led_inside(goal, stream_limits(self._model, self._position))", 'return goal, ""', PLANNER),
     Mutant("what the controller says between two frames is shown", "client/core/streaming.py",
            "return self._moved_at > -math.inf and self._custody.rest_since(self._moved_at) < REST_TIME_S",
            "return not self._state.is_in_position", ("test/client/core/test_servo_stories.py",)),

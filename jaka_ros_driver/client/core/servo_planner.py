@@ -16,6 +16,7 @@ from jaka_ros_driver.kinematics.limits import (
     JOINT_SPEED_CEILING,
     TCP_ACCELERATION_CEILING,
     accepted_limits,
+    are_inside,
     led_inside,
     stoppable_speed,
     stream_limits,
@@ -146,11 +147,7 @@ class JointServo:
                 changes.
         """
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
-        for index, (value, (low, high)) in enumerate(zip(goal, accepted_limits(self._model, self._position))):
-            if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
-                raise InvalidCommand("refused: joint %d of the servo target is %.6f rad; valid: %.6f to %.6f rad"
-                                     % (index + 1, value, low, high))
-        goal, led = led_inside(goal, stream_limits(self._model, self._position))
+        goal, led = (goal, "") if are_inside(goal, self._limits) else self._led(goal)
         for index, (value, position, follower) in enumerate(zip(goal, self._position, self._followers)):
             jump = abs(value - position)
             if jump > self._max_jump + _WIRE_ROUNDING:
@@ -165,6 +162,14 @@ class JointServo:
             raise InvalidCommand("refused: on the way to the servo target %s" % trouble)
         self._target, self._is_new = goal, True
         return led
+
+    def _led(self, goal: Vector) -> Tuple[Vector, str]:
+        """Return the goal led to where streams end, and in words which joint that moved."""
+        for index, (value, (low, high)) in enumerate(zip(goal, accepted_limits(self._model, self._position))):
+            if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
+                raise InvalidCommand("refused: joint %d of the servo target is %.6f rad; valid: %.6f to %.6f rad"
+                                     % (index + 1, value, low, high))
+        return led_inside(goal, stream_limits(self._model, self._position))
 
     @property
     def target(self) -> Vector:

@@ -13,7 +13,7 @@ from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.protocol.texts import printable
 
 PEER = "jaka_driver_peer"
-"""Entry of a service connection's header in which this driver records the peer's address."""
+"""Entry of a service connection's header in which this driver records the ``Caller``."""
 _LONGEST = 200
 
 
@@ -24,15 +24,16 @@ class Caller(NamedTuple):
     host: str
 
 
-def note_peer(header: Dict[str, str], sock: Any) -> None:
-    """Record the address of a service connection in its header, over whatever the client has written there."""
-    header[PEER] = address_of(sock)
+def note_peer(header: Dict[str, Any], sock: Any) -> None:
+    """Record whose a service connection is in its header, over whatever the client has written there."""
+    header[PEER] = Caller(_text(header.get("callerid", "")), address_of(sock))
 
 
 def caller_of_request(request: genpy.Message) -> Caller:
-    """Return who sent a service request; ``note_peer`` has recorded its address."""
+    """Return who sent a service request, as ``note_peer`` has recorded it; the node alone where it has not."""
     header = _header(request)
-    return Caller(_text(header.get("callerid", "")), header.get(PEER, ""))
+    caller = header.get(PEER)
+    return caller if isinstance(caller, Caller) else Caller(_text(header.get("callerid", "")), "")
 
 
 def caller_of_message(message: genpy.Message, topic: str) -> Caller:
@@ -54,7 +55,7 @@ def address_of(sock: Any) -> str:
     return ""
 
 
-def _header(message: genpy.Message) -> Dict[str, str]:
+def _header(message: genpy.Message) -> Dict[str, Any]:
     return getattr(message, "_connection_header", None) or {}
 
 

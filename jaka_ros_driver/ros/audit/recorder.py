@@ -58,12 +58,14 @@ class CallEntry:
     """A running call; one of the two methods records its end."""
 
     def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None) -> None:
-        self._end = _harmless(end)
+        self._end = end
 
+    @_harmless
     def answered(self, ok: bool, message: str) -> None:
         """Record the answer."""
         self._end(ok, message)
 
+    @_harmless
     def failed(self, error: str) -> None:
         """Record that the call ended with a ROS service error in place of an answer."""
         self._end(False, error)

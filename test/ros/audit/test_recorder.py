@@ -18,7 +18,7 @@ from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 from jaka_ros_driver.ros.services.table import SERVICES, Services
 
-HEADER = {"callerid": "/cell", "md5sum": "*", callers.PEER: "10.0.0.4:50000"}
+HEADER = {"callerid": "/cell", "md5sum": "*", callers.PEER: callers.Caller("/cell", "10.0.0.4:50000")}
 
 
 class Log:
@@ -165,14 +165,16 @@ def test_a_message_of_any_size_becomes_a_small_value():
 
 
 def test_an_address_is_that_of_the_connection_whatever_its_header_says():
-    header = {callers.PEER: "10.9.9.9:1"}
+    header = {"callerid": "/cell", callers.PEER: "10.9.9.9:1"}
+    request = SimpleNamespace(_connection_header=header)
+    assert callers.caller_of_request(request) == ("/cell", "")
     callers.note_peer(header, SimpleNamespace(getpeername=lambda: ("10.0.0.7", 4242)))
-    assert header[callers.PEER] == "10.0.0.7:4242"
+    assert callers.caller_of_request(request) == ("/cell", "10.0.0.7:4242")
     callers.note_peer(header, SimpleNamespace(getpeername=lambda: ("fe80::1", 4242, 0, 0)))
-    assert header[callers.PEER] == "[fe80::1]:4242"
+    assert callers.caller_of_request(request) == ("/cell", "[fe80::1]:4242")
     for gone in (None, SimpleNamespace(getpeername=lambda: "")):
         callers.note_peer(header, gone)
-        assert header[callers.PEER] == ""
+        assert callers.caller_of_request(request) == ("/cell", "")
 
 
 def test_the_address_of_a_publisher_is_that_of_the_connection_by_which_its_message_came(monkeypatch):
@@ -192,8 +194,10 @@ def test_the_address_of_a_publisher_is_that_of_the_connection_by_which_its_messa
 def test_a_name_that_would_steer_a_terminal_is_made_printable():
     message = request()
     message._connection_header = {"callerid": "/a\x1b[2J" + "b" * 1000}
-    caller = callers.caller_of_request(message)
-    assert caller.node.startswith("/a?[2J") and len(caller.node) <= 200 and caller.host == ""
+    for host in ("", "10.0.0.7:4242"):
+        caller = callers.caller_of_request(message)
+        assert caller.node.startswith("/a?[2J") and len(caller.node) <= 200 and caller.host == host
+        callers.note_peer(message._connection_header, SimpleNamespace(getpeername=lambda: ("10.0.0.7", 4242)))
 
 
 def test_each_controller_has_its_folder(monkeypatch):

@@ -26,19 +26,20 @@ class ClearSpace:
         way: Joints, rad (6,) each; the first ones are where the arm is. Where it is in trouble there, only what gets
             nearer counts.
         """
-        if self._holds(way):
+        if self.holds(way):
             return ""
         self._place, self._room = way[0], self._guard.nearest(way[0]).distance - self._margin
-        if self._holds(way):
+        if self.holds(way):
             return ""
         found = self._guard.first_trouble(way, _MOST_WORK)
         return "" if found is None else found.reason
 
-    def _holds(self, way: Sequence[Vector]) -> bool:
-        return self._room > 0.0 and all(self._is_near(joints) for joints in way)
-
-    def _is_near(self, joints: Vector) -> bool:
-        moved = 0.0
-        for reach, here, there in zip(self._guard.reach, self._place, joints):
-            moved += reach * abs(there - here)
-        return moved < self._room
+    def holds(self, way: Sequence[Vector]) -> bool:
+        """Return whether a way lies within what is known to be clear, which takes no look."""
+        for joints in way:
+            moved = 0.0
+            for reach, here, there in zip(self._guard.reach, self._place, joints):
+                moved += reach * abs(there - here)
+            if not moved < self._room:  # nor where a joint is no number
+                return False
+        return True

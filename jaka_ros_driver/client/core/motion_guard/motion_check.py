@@ -110,7 +110,7 @@ class MotionCheck:
     def look(self) -> Look:
         """Return the look at one motion while it lasts. Where trouble is only to be logged, it is logged once."""
         space, act = ClearSpace(self._guard, DEFAULT_MARGIN), self._actor()
-        return lambda way: act(lambda: space.trouble(way))
+        return lambda way: "" if space.holds(way) else act(lambda: space.trouble(way))
 
     def place_of(self, state: RobotState) -> StartPlace:
         """Return the place of an arm at rest."""
