@@ -27,8 +27,9 @@ ROS_PACKAGES = (
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = tuple(import_graph.ROOT / "test" / name
                  for name in ("ros", "packaging", "jaka_fleet/ros", "jaka_regression/ros"))
-WAITING = ("test/ros/pages/test_regression", "test/jaka_regression/ros/", "test/ros/pages/", "test/packaging/",
-           "test/jaka_fleet/ros/")
+WAITING = ("test/ros/pages/test_regression", "test/jaka_regression/ros/", "test/probe/test_move.py",
+           "test/probe/test_probe.py", "test/ros/start/test_doctor.py", "test/ros/trajectories/test_goals.py",
+           "test/ros/pages/", "test/packaging/", "test/jaka_fleet/ros/")
 """Beginnings of the paths of files that take longest, and wait most of the time for arms that move or for processes."""
 LONG = ("test/custody/", "test/ros/", "test/mutation/")
 BETWEEN = 4

@@ -60,15 +60,17 @@ class CallEntry:
     def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None) -> None:
         self._end = end
 
-    @_harmless
     def answered(self, ok: bool, message: str) -> None:
         """Record the answer."""
-        self._end(ok, message)
+        self._record(ok, message)
 
-    @_harmless
     def failed(self, error: str) -> None:
         """Record that the call ended with a ROS service error in place of an answer."""
-        self._end(False, error)
+        self._record(False, error)
+
+    @_harmless
+    def _record(self, ok: bool, message: str) -> None:
+        self._end(ok, message)
 
 
 class Recorder:
