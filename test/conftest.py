@@ -29,7 +29,8 @@ NEED_ROS = tuple(import_graph.ROOT / "test" / name
                  for name in ("ros", "packaging", "jaka_fleet/ros", "jaka_regression/ros"))
 WAITING = ("test/ros/pages/test_regression", "test/jaka_regression/ros/", "test/probe/test_move.py",
            "test/probe/test_probe.py", "test/ros/start/test_doctor.py", "test/ros/trajectories/test_goals.py",
-           "test/ros/pages/", "test/packaging/", "test/jaka_fleet/ros/")
+           "test/client/guard/test_guard.py", "test/client/test_links.py", "test/probe/test_playback.py",
+           "test/ros/pages/", "test/packaging/", "test/jaka_fleet/ros/", "test/test_every_command.py")
 """Beginnings of the paths of files that take longest, and wait most of the time for arms that move or for processes."""
 LONG = ("test/custody/", "test/ros/", "test/mutation/")
 BETWEEN = 4
