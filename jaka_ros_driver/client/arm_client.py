@@ -340,9 +340,7 @@ class ArmClient:
         Raises:
             InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
         """
-        with self._in_core():
-            if self._is_closed:
-                raise ConnectionLost("driver shut down")
+        with self._in_core(needs_arm=True):
             return self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
@@ -350,9 +348,7 @@ class ArmClient:
 
         Raises InvalidCommand or ConnectionLost where it moves nothing; see ``ArmCore.jog_velocity``.
         """
-        with self._in_core():
-            if self._is_closed:
-                raise ConnectionLost("driver shut down")
+        with self._in_core(needs_arm=True):
             try:
                 self._core.jog_velocity(message, time.monotonic())
             finally:
@@ -446,15 +442,17 @@ class ArmClient:
         with self._lock:
             return self._core.desired_at(at)
 
-    def stop(self) -> None:
-        """Stop all motion, queued motion and programs, and leave servo mode.
+    def stop(self, when_sent: Callable[[], None] = lambda: None) -> None:
+        """Stop all motion, queued motion and programs, and leave servo mode; call ``when_sent`` once it is on its way.
 
         Raises:
             ConnectionLost, ReplyTimeout: The stop could not be delivered.
             CommandRejected: The controller refused it. What this driver moves is stopped again until it rests.
         """
         with self.stop_timer.measured():
-            self._call(self._core.stop)
+            answer = self._begin(self._core.stop)
+            when_sent()
+            answer.result()
 
     # ---- inside ----
 
@@ -463,9 +461,7 @@ class ArmClient:
 
     def _begin(self, enter: Callable[["Future[Any]", float], None]) -> "Future[Any]":
         call = self._future()
-        with self._in_core():
-            if self._is_closed:
-                raise ConnectionLost("driver shut down")
+        with self._in_core(needs_arm=True):
             enter(call, time.monotonic())
             self._perform()
             if self._core.next_deadline() < self._wakes_at:
@@ -479,9 +475,11 @@ class ArmClient:
         return call
 
     @contextlib.contextmanager
-    def _in_core(self) -> Iterator[None]:
-        """Hold the lock for a caller's event of the core; a defect that comes out of it ends the client, too."""
+    def _in_core(self, needs_arm: bool = False) -> Iterator[None]:
+        """Hold the lock for a caller's event of the core, which may need the arm; a defect in it ends the client."""
         with self._lock:
+            if needs_arm and self._is_closed:
+                raise ConnectionLost("driver shut down")
             try:
                 yield
             except JakaError:

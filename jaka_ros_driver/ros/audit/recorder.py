@@ -18,7 +18,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from jaka_ros_driver import client
 from jaka_ros_driver.audit.log import AuditLog
 from jaka_ros_driver.audit.streams import Streams
-from jaka_ros_driver.ros.audit.callers import Caller, caller_of_message, caller_of_request
+from jaka_ros_driver.ros.audit.callers import caller_of_message, caller_of_request
 from jaka_ros_driver.ros.audit.plain import plain
 
 NOT_RECORDED: Dict[str, str] = {
@@ -55,10 +55,19 @@ def _harmless(method: Callable[..., None]) -> Callable[..., None]:
 
 
 class CallEntry:
-    """A running call; one of the two methods records its end."""
+    """A running call; ``begin`` records it, and one of the other two methods its end."""
 
-    def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None) -> None:
-        self._end = end
+    def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None,
+                 begin: Callable[[], None] = lambda: None) -> None:
+        self._end, self._begin = end, begin
+        self._has_begun = False
+
+    @_harmless
+    def begin(self) -> None:
+        """Record the call itself, unless that was done."""
+        if not self._has_begun:
+            self._has_begun = True
+            self._begin()
 
     def answered(self, ok: bool, message: str) -> None:
         """Record the answer."""
@@ -70,6 +79,7 @@ class CallEntry:
 
     @_harmless
     def _record(self, ok: bool, message: str) -> None:
+        self.begin()
         self._end(ok, message)
 
 
@@ -108,27 +118,31 @@ class Recorder:
 
     def call(self, name: str, request: genpy.Message) -> CallEntry:
         """Begin the record of a call."""
-        try:
-            return self._call(name, request)
-        except Exception:
-            _LOG.exception("the audit log lacks a call of %s", name)
-            return CallEntry()
+        entry = self.prepared_call(name, request)
+        entry.begin()
+        return entry
 
-    def _call(self, name: str, request: genpy.Message) -> CallEntry:
+    def prepared_call(self, name: str, request: genpy.Message) -> CallEntry:
+        """Return the record of a call, not yet begun: that of a stop is, once it is sent, for nothing delays a stop."""
         if self.log is None or ("service", name) not in self.names:
             return CallEntry()
-        caller = caller_of_request(request)
         if name in STREAMED:
-            return CallEntry(lambda ok, message: self._streamed(name, caller, request, "" if ok else message or "?"))
+            return CallEntry(lambda ok, message: self._streamed(name, request, "" if ok else message or "?"))
         number, began_at = next(self._numbers), time.monotonic()
-        about = {"what": name, "call": number, **caller._asdict()}
-        self._write("call", {**about, "arguments": plain(request)}, name in URGENT)
-        return CallEntry(lambda ok, message: self._write("answer", {
-            **about, "ok": ok, "message": plain(message), "seconds": round(time.monotonic() - began_at, 6)},
-            name in URGENT))
+        about: Dict[str, Any] = {"what": name, "call": number}
 
-    def _streamed(self, name: str, caller: Caller, request: genpy.Message, refusal: str) -> None:
+        def begin() -> None:
+            about.update(caller_of_request(request)._asdict())
+            self._write("call", {**about, "arguments": plain(request)}, name in URGENT)
+
+        def end(ok: bool, message: str) -> None:
+            self._write("answer", {**about, "ok": ok, "message": plain(message),
+                                   "seconds": round(time.monotonic() - began_at, 6)}, name in URGENT)
+        return CallEntry(end, begin)
+
+    def _streamed(self, name: str, request: genpy.Message, refusal: str) -> None:
         """Record a call of a stream; a jog in another direction is another stream."""
+        caller = caller_of_request(request)
         key = (name, *caller, str(request) if name == "~jog" else "")
         self._streams.note(key, lambda: {"what": name, **caller._asdict(), "arguments": plain(request)}, refusal)
 

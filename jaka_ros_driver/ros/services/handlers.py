@@ -82,9 +82,9 @@ class ServiceHandlers:
         """Serve servo_j and servo_p: add one target."""
         return _with("accepted", self._arm.servo_target(command))
 
-    def stop(self, _: None) -> ServiceOutcome:
+    def stop(self, when_sent: Callable[[], None]) -> ServiceOutcome:
         """Serve stop_move: the stop is sent at once, whatever other calls are running."""
-        self._arm.stop()
+        self._arm.stop(when_sent)
         return ServiceOutcome("stopped")
 
     def tool_frame(self, command: c.SetToolFrame) -> ServiceOutcome:
@@ -215,10 +215,10 @@ class ServiceHandlers:
         self._ends.program_began(self._arm.resume_program())
         return ServiceOutcome("the program goes on")
 
-    def stop_program(self, _: None) -> ServiceOutcome:
+    def stop_program(self, when_sent: Callable[[], None]) -> ServiceOutcome:
         """Serve program/stop: stop as stop_move does; return when no program is seen running and the arm rests."""
         owner = self._arm.motion_owner
-        self._arm.stop()
+        self._arm.stop(when_sent)
         return _with(self._arm.run(programs.see_stopped),
                      "" if owner is None or owner is MotionOwner.PROGRAM else "%s was stopped" % owner.value)
 

@@ -13,7 +13,7 @@ from std_srvs.srv import Empty, SetBool, Trigger
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
-from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.audit.recorder import CallEntry, Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
 from jaka_ros_driver.ros.jaka_types import AbsentType, warn_absent
 from jaka_ros_driver.ros.jaka_types import services as types
@@ -112,6 +112,7 @@ class ServiceSpec(NamedTuple):
             else.
         perform: Carries the command out; raises a JakaError where that fails.
         report: Writes the outcome into the response.
+        is_stop: It stops the arm: in place of a command it is given what is to be called once the stop is sent.
     """
 
     name: str
@@ -119,6 +120,7 @@ class ServiceSpec(NamedTuple):
     to_command: Callable[[RequestDecoder, Any], Any]
     perform: Callable[[ServiceHandlers, Any], ServiceOutcome]
     report: Callable[[Any, ServiceOutcome, bool], None] = as_ret
+    is_stop: bool = False
 
 
 class _Definition(Protocol[_Request_co, _Response_co]):
@@ -143,6 +145,13 @@ def service(name: str, srv_type: _Definition[_Request, _Response],
     return ServiceSpec(name, srv_type, to_command, perform, report)
 
 
+def stop_service(name: str, srv_type: _Definition[Any, _Response],
+                 perform: Callable[[ServiceHandlers, Callable[[], None]], ServiceOutcome],
+                 report: Callable[[_Response, ServiceOutcome, bool], None]) -> ServiceSpec:
+    """Return a service without arguments that stops the arm, and has its call recorded once the stop is sent."""
+    return ServiceSpec(name, srv_type, RequestDecoder.nothing, perform, report, is_stop=True)
+
+
 _ROWS: Tuple[ServiceSpec, ...] = (
     service("linear_move", types.Move, RequestDecoder.linear_move, ServiceHandlers.move, as_ret),
     service("joint_move", types.Move, RequestDecoder.joint_move, ServiceHandlers.move, as_ret),
@@ -150,7 +159,7 @@ _ROWS: Tuple[ServiceSpec, ...] = (
     service("servo_move_enable", types.ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode, as_ret),
     service("servo_p", types.ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target, as_ret),
     service("servo_j", types.ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target, as_ret),
-    service("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
+    stop_service("stop_move", Empty, ServiceHandlers.stop, as_exception),
     service("set_toolframe", types.SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame, as_ret),
     service("set_userframe", types.SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame, as_ret),
     service("set_payload", types.SetPayload, RequestDecoder.payload, ServiceHandlers.payload, as_ret),
@@ -172,7 +181,7 @@ _ROWS: Tuple[ServiceSpec, ...] = (
     service("program/play", Trigger, RequestDecoder.nothing, ServiceHandlers.play_program, as_success),
     service("program/pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause_program, as_success),
     service("program/resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume_program, as_success),
-    service("program/stop", Trigger, RequestDecoder.nothing, ServiceHandlers.stop_program, as_success),
+    stop_service("program/stop", Trigger, ServiceHandlers.stop_program, as_success),
     service("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
     service("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
     service("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed, as_success),
@@ -238,9 +247,10 @@ class Services:
         def handle(request: Any) -> Any:
             called_as = others.get(type(request), spec.srv_type)
             call = ReceivedCall(name, called_as, request, rospy.Time.now(), time.monotonic())
-            entry = self._recorder.call("~" + spec.name, request)
+            begin_record = self._recorder.prepared_call if spec.is_stop else self._recorder.call
+            entry = begin_record("~" + spec.name, request)
             try:
-                outcome = self._outcome(spec, request)
+                outcome = self._outcome(spec, request, entry)
                 response = spec.srv_type._response_class()
                 spec.report(response, outcome, self._decoder.is_vendor)
             except rospy.ServiceException as error:
@@ -257,9 +267,10 @@ class Services:
 
         return handle
 
-    def _outcome(self, spec: ServiceSpec, request: Any) -> ServiceOutcome:
+    def _outcome(self, spec: ServiceSpec, request: Any, entry: CallEntry) -> ServiceOutcome:
         try:
-            outcome = spec.perform(self._handlers, spec.to_command(self._decoder, request))
+            command = entry.begin if spec.is_stop else spec.to_command(self._decoder, request)
+            outcome = spec.perform(self._handlers, command)
             if outcome.value is not None:
                 require_float32(outcome.value)
             return outcome

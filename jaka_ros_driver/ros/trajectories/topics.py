@@ -139,9 +139,9 @@ class TrajectoryInterface:
             rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
 
     def _stop_motion(self, request: genpy.Message, response: Any) -> Any:
-        entry = self._recorder.call("stop_motion", request)
+        entry = self._recorder.prepared_call("stop_motion", request)
         try:
-            self._arm.stop()
+            self._arm.stop(entry.begin)
             response.code.val = 1
             entry.answered(True, "stopped")
         except JakaError as error:

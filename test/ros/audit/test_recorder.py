@@ -1,4 +1,5 @@
 """The lines of calls, goals and messages: bounded, with their caller, and never at the cost of a call."""
+import contextlib
 import json
 import logging
 import math
@@ -11,11 +12,12 @@ from std_srvs.srv import TriggerRequest
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_msgs.srv import MoveRequest
+from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit import callers, plain, recorder, setting_up
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers, ServiceOutcome
 from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 HEADER = {"callerid": "/cell", "md5sum": "*", callers.PEER: callers.Caller("/cell", "10.0.0.4:50000")}
@@ -112,12 +114,39 @@ def test_a_defect_of_the_recorder_is_not_that_of_a_stop(log, one, monkeypatch, c
     services = Services(RequestDecoder(load_model("zu7")), handlers, SimpleNamespace(
         answered=lambda *_: None, failed=lambda *_: None), one)
     stop, = [spec for spec in SERVICES if spec.name == "stop_move"]
-    handle = services._handler(stop._replace(perform=lambda *_: served.append(1) or ServiceOutcome("stopped")))
+    handle = services._handler(stop._replace(perform=lambda _, when_sent: when_sent() or served.append(1)
+                                             or ServiceOutcome("stopped")))
     handle(request())
-    assert served == [1] and any("lacks a call of ~stop_move" in line.getMessage() for line in caplog.records)
+    assert served == [1] and [line.getMessage() for line in caplog.records] == ["the audit log lacks a line"] * 2
+    caplog.clear()
     one.goal("~recover", SimpleNamespace())
     one.event("motion")
     assert any("lacks a line" in line.getMessage() for line in caplog.records)
+
+
+@pytest.mark.parametrize("name", ["stop_move", "program/stop"])
+@pytest.mark.parametrize("is_sent", [True, False])
+def test_a_stop_is_sent_before_its_call_is_recorded(log, one, monkeypatch, name, is_sent):
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1.0))
+    seen = []
+
+    def stop(when_sent):
+        seen.append([line.kind for line in log.lines])
+        if not is_sent:
+            raise ConnectionLost("the driver is shut down")
+        when_sent()
+        seen.append([line.kind for line in log.lines])
+
+    arm = SimpleNamespace(stop=stop, motion_owner=None, run=lambda _: "no program runs")
+    services = Services(RequestDecoder(load_model("zu7")), ServiceHandlers(arm, DriverConfig(), None, None, None),
+                        SimpleNamespace(answered=lambda *_: None, failed=lambda *_: None), one)
+    handle = services._handler(next(spec for spec in SERVICES if spec.name == name))
+    with contextlib.suppress(rospy.ServiceException):  # std_srvs/Empty has no field for a failure
+        handle(request())
+    assert seen == [[], ["call"]][:1 + is_sent]
+    assert [(line.kind, line.what, line.node) for line in log.lines] == [
+        ("call", "~" + name, "/cell"), ("answer", "~" + name, "/cell")] and log.lines[1].ok == is_sent
 
 
 def test_the_clients_own_words_stand_there(log, one):
