@@ -442,7 +442,7 @@ class ArmClient:
         with self._lock:
             return self._core.desired_at(at)
 
-    def stop(self, when_sent: Callable[[], None] = lambda: None) -> None:
+    def stop(self, when_sent: Callable[[], object] = lambda: None) -> None:
         """Stop all motion, queued motion and programs, and leave servo mode; call ``when_sent`` once it is on its way.
 
         Raises:

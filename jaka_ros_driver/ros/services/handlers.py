@@ -82,7 +82,7 @@ class ServiceHandlers:
         """Serve servo_j and servo_p: add one target."""
         return _with("accepted", self._arm.servo_target(command))
 
-    def stop(self, when_sent: Callable[[], None]) -> ServiceOutcome:
+    def stop(self, when_sent: Callable[[], object]) -> ServiceOutcome:
         """Serve stop_move: the stop is sent at once, whatever other calls are running."""
         self._arm.stop(when_sent)
         return ServiceOutcome("stopped")
@@ -215,7 +215,7 @@ class ServiceHandlers:
         self._ends.program_began(self._arm.resume_program())
         return ServiceOutcome("the program goes on")
 
-    def stop_program(self, when_sent: Callable[[], None]) -> ServiceOutcome:
+    def stop_program(self, when_sent: Callable[[], object]) -> ServiceOutcome:
         """Serve program/stop: stop as stop_move does; return when no program is seen running and the arm rests."""
         owner = self._arm.motion_owner
         self._arm.stop(when_sent)

@@ -5,7 +5,20 @@ service error.
 """
 import logging
 import time
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, NamedTuple, Protocol, Tuple, Type, TypeVar
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    Iterable,
+    List,
+    NamedTuple,
+    Optional,
+    Protocol,
+    Tuple,
+    Type,
+    TypeVar,
+)
 
 import genpy
 import rospy
@@ -146,7 +159,7 @@ def service(name: str, srv_type: _Definition[_Request, _Response],
 
 
 def stop_service(name: str, srv_type: _Definition[Any, _Response],
-                 perform: Callable[[ServiceHandlers, Callable[[], None]], ServiceOutcome],
+                 perform: Callable[[ServiceHandlers, Callable[[], object]], ServiceOutcome],
                  report: Callable[[_Response, ServiceOutcome, bool], None]) -> ServiceSpec:
     """Return a service without arguments that stops the arm, and has its call recorded once the stop is sent."""
     return ServiceSpec(name, srv_type, RequestDecoder.nothing, perform, report, is_stop=True)
@@ -214,6 +227,36 @@ def absent_types() -> Dict[str, str]:
     return {name: ", ".join(services) for name, services in lost.items()}
 
 
+class _RunningCall:
+    """A running call with its records: its lines of the audit log, and its message on ``~service_calls``."""
+
+    def __init__(self, service_name: str, called_as: Any, request: genpy.Message, entry: CallEntry,
+                 publisher: CallPublisher) -> None:
+        self._name, self._called_as, self._request = service_name, called_as, request
+        self._entry, self._publisher = entry, publisher
+        self._received: Optional[ReceivedCall] = None
+
+    def begin(self) -> ReceivedCall:
+        """Record that the call has come: of a stop once that is sent, for nothing delays a stop."""
+        if self._received is None:
+            self._received = ReceivedCall(
+                self._name, self._called_as, self._request, rospy.Time.now(), time.monotonic())
+            self._entry.begin()
+        return self._received
+
+    def answered(self, response: genpy.Message, outcome: ServiceOutcome) -> None:
+        """Record the answer."""
+        received = self.begin()
+        self._entry.answered(outcome.is_success, outcome.message)
+        self._publisher.answered(received, response, outcome)
+
+    def failed(self, error: str) -> None:
+        """Record that it ended with a ROS service error in place of an answer."""
+        received = self.begin()
+        self._entry.failed(error)
+        self._publisher.failed(received, error)
+
+
 class Services:
     """All services of the table on one arm."""
 
@@ -245,31 +288,28 @@ class Services:
         others = {other._request_class: other for other in other_definitions(spec.srv_type).values()}
 
         def handle(request: Any) -> Any:
-            called_as = others.get(type(request), spec.srv_type)
-            call = ReceivedCall(name, called_as, request, rospy.Time.now(), time.monotonic())
-            begin_record = self._recorder.prepared_call if spec.is_stop else self._recorder.call
-            entry = begin_record("~" + spec.name, request)
+            call = _RunningCall(name, others.get(type(request), spec.srv_type), request,
+                                self._recorder.prepared_call("~" + spec.name, request), self._call_publisher)
+            if not spec.is_stop:
+                call.begin()
             try:
-                outcome = self._outcome(spec, request, entry)
+                outcome = self._outcome(spec, request, call.begin)
                 response = spec.srv_type._response_class()
                 spec.report(response, outcome, self._decoder.is_vendor)
             except rospy.ServiceException as error:
-                entry.failed(str(error))
-                self._call_publisher.failed(call, str(error))
+                call.failed(str(error))
                 raise
             except Exception as error:
-                entry.failed("internal error: %r" % error)
-                self._call_publisher.failed(call, "internal error: %r" % error)
+                call.failed("internal error: %r" % error)
                 raise
-            entry.answered(outcome.is_success, outcome.message)
-            self._call_publisher.answered(call, response, outcome)
+            call.answered(response, outcome)
             return response
 
         return handle
 
-    def _outcome(self, spec: ServiceSpec, request: Any, entry: CallEntry) -> ServiceOutcome:
+    def _outcome(self, spec: ServiceSpec, request: Any, when_sent: Callable[[], object]) -> ServiceOutcome:
         try:
-            command = entry.begin if spec.is_stop else spec.to_command(self._decoder, request)
+            command = when_sent if spec.is_stop else spec.to_command(self._decoder, request)
             outcome = spec.perform(self._handlers, command)
             if outcome.value is not None:
                 require_float32(outcome.value)

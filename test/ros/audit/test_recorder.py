@@ -114,7 +114,7 @@ def test_a_defect_of_the_recorder_is_not_that_of_a_stop(log, one, monkeypatch, c
     services = Services(RequestDecoder(load_model("zu7")), handlers, SimpleNamespace(
         answered=lambda *_: None, failed=lambda *_: None), one)
     stop, = [spec for spec in SERVICES if spec.name == "stop_move"]
-    handle = services._handler(stop._replace(perform=lambda _, when_sent: when_sent() or served.append(1)
+    handle = services._handler(stop._replace(perform=lambda _, when_sent: when_sent() and served.append(1)
                                              or ServiceOutcome("stopped")))
     handle(request())
     assert served == [1] and [line.getMessage() for line in caplog.records] == ["the audit log lacks a line"] * 2

@@ -7,7 +7,7 @@ import pytest
 from jaka_msgs.srv import GetFKRequest, GetIKRequest, GetIORequest
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.ros.audit.recorder import CallEntry, Recorder
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 from jaka_ros_driver.ros.services.table import SERVICES, Services
@@ -22,7 +22,7 @@ def response_of(service, value, is_vendor):
     """Return the response, and whether the call counts as a success; it is written as rospy does."""
     spec = SPECS[service]._replace(perform=lambda operations, command: ServiceOutcome("read", value))
     services = Services(RequestDecoder(load_model("zu7"), is_vendor), None, None, Recorder(None))
-    outcome = services._outcome(spec, REQUESTS[service], CallEntry())
+    outcome = services._outcome(spec, REQUESTS[service], lambda: None)
     response = spec.srv_type._response_class()
     spec.report(response, outcome, is_vendor)
     response.serialize(io.BytesIO())
