@@ -43,14 +43,19 @@ STREAMED = frozenset(("~servo_j", "~servo_p", "~jog"))
 _LOG = logging.getLogger(__name__)
 
 
+def _without_harm(record: Callable[..., None], *arguments: Any, **named: Any) -> None:
+    """Call ``record``, and log what it raises in place of raising it."""
+    try:
+        record(*arguments, **named)
+    except Exception:
+        _LOG.exception("the audit log lacks a line")
+
+
 def _harmless(method: Callable[..., None]) -> Callable[..., None]:
     """Return a method that logs what ``method`` raises in place of raising it."""
     @functools.wraps(method)
     def call(*arguments: Any, **named: Any) -> None:
-        try:
-            method(*arguments, **named)
-        except Exception:
-            _LOG.exception("the audit log lacks a line")
+        _without_harm(method, *arguments, **named)
     return call
 
 
@@ -58,29 +63,23 @@ class CallEntry:
     """A running call; ``begin`` records it, and one of the other two methods its end."""
 
     def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None,
-                 begin: Callable[[], None] = lambda: None) -> None:
+                 begin: Optional[Callable[[], None]] = None) -> None:
         self._end, self._begin = end, begin
-        self._has_begun = False
 
-    @_harmless
     def begin(self) -> None:
         """Record the call itself, unless that was done."""
-        if not self._has_begun:
-            self._has_begun = True
-            self._begin()
+        begin, self._begin = self._begin, None
+        if begin is not None:
+            _without_harm(begin)
 
     def answered(self, ok: bool, message: str) -> None:
         """Record the answer."""
-        self._record(ok, message)
+        self.begin()
+        _without_harm(self._end, ok, message)
 
     def failed(self, error: str) -> None:
         """Record that the call ended with a ROS service error in place of an answer."""
-        self._record(False, error)
-
-    @_harmless
-    def _record(self, ok: bool, message: str) -> None:
-        self.begin()
-        self._end(ok, message)
+        self.answered(False, error)
 
 
 class Recorder:
