@@ -81,10 +81,11 @@ class Arm:
     def end_trajectories(self):
         self.cancels += 1
 
-    def stop(self):
+    def stop(self, when_sent):
         if self.error is not None:
             raise self.error
         self.stopped += 1
+        when_sent()
 
 
 # ---- motions and programs ----
