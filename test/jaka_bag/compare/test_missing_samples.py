@@ -98,6 +98,17 @@ def test_stamps_that_jump_ahead_are_found_where_nothing_but_states_would_tell(tm
     assert {check.topic for check in found} == {"/cell/stamped"}
 
 
+@pytest.mark.parametrize("golden_s, candidate_s, is_same", [
+    (-3.6, -1.2, True), (-1.2, -3.6, True), (-0.1, 4.0, False), (4.0, -0.1, False)])
+def test_how_old_a_latched_state_is_tells_when_its_publisher_was_started(golden_s, candidate_s, is_same, tmp_path):
+    def both(stamp_s):
+        one = joints(10.0, rest, stamp=lambda now: now + stamp_s)[0]
+        return joints(10.0, move) + [one._replace(topic="/cell/stamped", time=0.01, value={
+            "header": one.value["header"], "data": 1})]
+    comparison = compared(tmp_path, both(golden_s), both(candidate_s))
+    assert comparison.same is is_same, comparison.differences
+
+
 def beat(of):
     return joints(10.0, move) + steady("/cell/beat", 50.0, 10.0, lambda now, n: of(n))
 

@@ -13,6 +13,7 @@ from ..matching.alignment import Alignment
 from ..runs.run import Arrivals, Run, Stream
 from ..tolerances import StreamTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged, not_compared
+from .timing_checks import LATCHED_S
 
 _FEWEST = 2
 _LAST = np.array([-1])
@@ -91,6 +92,8 @@ class StreamWatch:
         worst = int(np.argmax(latency))
         if latency[worst] > self.latest[0]:
             self.latest = (float(latency[worst]), float(common.log_time[worst]))
+        if common.log_time[0] <= LATCHED_S:  # how old a latched message is tells when its publisher was started
+            latency = np.where((common.log_time <= LATCHED_S) & (latency > 0.0), np.inf, latency)
         best = int(np.argmin(latency))
         if latency[best] < self.soonest[0]:
             self.soonest = (float(latency[best]), float(common.log_time[best]))
@@ -317,8 +320,8 @@ def _order_checks(both: _Common, lag: float) -> List[Check]:
     at = both.candidate.farthest_back[1] - lag if backwards_c else None
     checks = [equal(Aspect.STAMPS, topic, "order", backwards_c <= backwards_g,
                     "%d stamps are older than the one before" % backwards_c, at, str(backwards_g), str(backwards_c))]
-    if both.golden.count and both.candidate.count:
-        ahead_g, ahead_c = (-watch.soonest[0] for watch in both)
+    ahead_g, ahead_c = (-watch.soonest[0] for watch in both)
+    if math.isfinite(ahead_g) and math.isfinite(ahead_c):
         if abs(ahead_c - ahead_g) > _AHEAD_S:
             checks.append(equal(Aspect.STAMPS, topic, "ahead", False,
                                 "stamps are up to %.1f s ahead of their recording, %.1f s in the golden log"
