@@ -284,14 +284,14 @@ class Services:
             _LOG.warning("some service calls were not answered before the driver shut down")
 
     def _handler(self, spec: ServiceSpec) -> Callable[[Any], Any]:
-        name = rospy.resolve_name("~" + spec.name)
-        recorded, is_stop = "~" + spec.name, spec.is_stop
+        private = "~" + spec.name
+        name = rospy.resolve_name(private)
         others = {other._request_class: other for other in other_definitions(spec.srv_type).values()}
 
         def handle(request: Any) -> Any:
             call = _RunningCall(name, others.get(type(request), spec.srv_type), request,
-                                self._recorder.prepared_call(recorded, request), self._call_publisher)
-            if not is_stop:
+                                self._recorder.prepared_call(private, request), self._call_publisher)
+            if not spec.is_stop:
                 call.begin()
             try:
                 outcome = self._outcome(spec, request, call.begin)

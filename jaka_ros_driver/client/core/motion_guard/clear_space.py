@@ -21,13 +21,11 @@ class ClearSpace:
         self._room = 0.0
 
     def trouble(self, way: Sequence[Vector]) -> str:
-        """Return what a way of straight lines in joint space comes too near to, in words; "" where it is clear.
+        """Look at a way of straight lines in joint space; return what it comes too near to, in words; "" for nothing.
 
         way: Joints, rad (6,) each; the first ones are where the arm is. Where it is in trouble there, only what gets
             nearer counts.
         """
-        if self.holds(way):
-            return ""
         self._place, self._room = way[0], self._guard.nearest(way[0]).distance - self._margin
         if self.holds(way):
             return ""
