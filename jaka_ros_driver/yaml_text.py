@@ -1,21 +1,27 @@
 """YAML as people write it into files: a key that is given twice is an error, and values are shown short.
 
-Of two equal keys a plain loader keeps the last: a second list of zones would take away the first in silence.
+Of two equal keys a plain loader keeps the last: a second list of zones would take away the first in silence. And a
+plain loader recurses until Python stops it. Python 3.8 may abort the process there: a finaliser that runs at the edge
+of the stack uses up the error, the loader goes on, and 50 calls further the interpreter gives up
+(https://bugs.python.org/issue42500, mended in 3.9.2). So nesting is bounded long before.
 """
 import reprlib
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
 
 _MERGED = ("tag:yaml.org,2002:merge", "tag:yaml.org,2002:value")
 """Kinds of keys, ``<<`` and ``=``, of which no value is made."""
+DEEPEST = 60
+"""Most levels of a text; a workspace, a model and a dialect have fewer than ten."""
 
 
 def load_yaml(text: str) -> Any:
     """Return what a text of YAML holds.
 
     Raises:
-        InvalidCommand: It is no YAML, or gives a key twice; the message fits behind the name of the file.
+        InvalidCommand: It is no YAML, has more than ``DEEPEST`` levels, or gives a key twice; the message fits behind
+            the name of the file.
     """
     import yaml  # imported here, because most users of this module's callers never read a file
 
@@ -25,6 +31,16 @@ def load_yaml(text: str) -> Any:
         def __init__(self, stream: str) -> None:
             super().__init__(stream)
             self._seen_nodes = set()  # type: ignore[var-annotated]
+            self._depth = 0
+
+        def compose_node(self, parent: Optional[yaml.Node], index: Any) -> Optional[yaml.Node]:
+            if self._depth == DEEPEST:
+                raise InvalidCommand("is deeper than %d levels in line %d" % (
+                    DEEPEST, self.peek_event().start_mark.line + 1))  # type: ignore[no-untyped-call]
+            self._depth += 1
+            node = super().compose_node(parent, index)
+            self._depth -= 1  # an error ends the loader
+            return node
 
         def flatten_mapping(self, node: yaml.MappingNode) -> None:
             """Merge into a mapping, as ``<<`` asks; the second time a mapping is asked for, it has merged keys.
@@ -67,7 +83,7 @@ def load_yaml(text: str) -> Any:
         return yaml.load(text, Loader=UniqueKeys)
     except InvalidCommand:
         raise
-    except (yaml.YAMLError, RecursionError, ValueError, TypeError) as error:  # a date or a number that is none
+    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or a number that is none
         raise InvalidCommand("is no YAML: " + " ".join(str(error).split())) from error
 
 

@@ -21,8 +21,8 @@ def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
 GROUND = {"background_log", "errors", "scheduling", "units", "yaml_text"}
 DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.dialect", "simulation.controller", "simulation.server"}
-FLOOR = {"allocator", "errors", "units", "interrupts", "driver_interface", "log_records", "paths", "output_file",
-         "pipeline"}
+FLOOR = {"allocator", "errors", "units", "interrupts", "driver_interface", "json_text", "log_records", "paths",
+         "output_file", "pipeline", "yaml_text"}
 CONTAINERS = {"containers", "containers.registry"}
 TOOLS = FLOOR | CONTAINERS | {
     "messages", "operations", "live", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
@@ -64,7 +64,9 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "errors": set(),
         "units": set(),
         "driver_interface": set(),
+        "json_text": set(),
         "log_records": set(),
+        "yaml_text": set(),
         "interrupts": set(),
         "paths": set(),
         "output_file": {"errors", "interrupts", "paths"},
@@ -128,7 +130,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
             "jaka_bag." + room for room in TOOLS},
         "cell": {"jaka_ros_driver.audit"},
         "teach": set(),
-        "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph"},
+        "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph", "jaka_bag.json_text"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {

@@ -89,7 +89,7 @@ def test_merges_of_merges_take_no_time_of_their_power():
     assert time.process_time() - begun < 5.0
 
 
-@pytest.mark.parametrize("text", ["? [1, 2]\n: 3", "? &a [*a]\n: 3", "? {a: 1}\n: 3", "[" * 100000, "a: 2001-99-99",
+@pytest.mark.parametrize("text", ["? [1, 2]\n: 3", "? &a [*a]\n: 3", "? {a: 1}\n: 3", "a: 2001-99-99",
                                   "&a {*a : 1}", "\x00", "<<: 3", "!!python/object:os.system {}"])
 def test_what_is_no_yaml_is_refused(text):
     with pytest.raises(InvalidCommand, match="^is no YAML: "):

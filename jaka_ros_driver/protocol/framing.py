@@ -12,6 +12,7 @@ import heapq
 import json
 import re
 from collections import deque
+from itertools import accumulate
 from typing import Any, Deque, Dict, List, NamedTuple, NoReturn, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError
@@ -23,6 +24,10 @@ MAX_OBJECT_BYTES = 1 << 20
 """Longest object, bytes, accepted from the command port; the longest known reply is a status frame of about 9 kB."""
 MAX_FRAME_BYTES = 1 << 16
 """Longest status frame, bytes, accepted; the longest known is 8979 bytes (docs/controller-protocol.md section 3.3)."""
+DEEPEST = 500
+"""Most levels of an object. At the end of Python's stack, where the parser would be stopped, Python 3.8 may abort
+(https://bugs.python.org/issue42500).
+"""
 
 _STRUCTURAL = re.compile(rb'["{}]')
 _STRING_END = re.compile(rb'["\\]')
@@ -30,6 +35,9 @@ _NOT_BLANK = re.compile(rb"[^\s\x00]")
 _FRAME_HEAD = re.compile(rb'\{\s*"len"\s*:\s*(\d{1,9})\s*[,}]')
 _HEAD_BYTES = 64
 _CLOSING = ord("}")
+_WHOLE_STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)
+_BRACKET = re.compile(rb"[][{}]")
+_STEPS = {b"[": 1, b"{": 1, b"]": -1, b"}": -1}
 _PARSED_IN_VAIN = 4
 MAX_DAMAGE_BYTES = 1 << 18
 """Longest run of damage, bytes, after which a feed is given up: 28 of the longest frames known."""
@@ -48,13 +56,20 @@ It is shared by all texts: making one takes as long as parsing a short reply.
 
 def parse_object(text: bytes) -> JsonObject:
     """Parse one JSON object; raise FramingError for anything else, also text that is not UTF-8, NaN, Infinity."""
+    if text.count(b"{") + text.count(b"[") > DEEPEST and _depth(text) > DEEPEST:
+        raise FramingError("an object deeper than %d levels" % DEEPEST)
     try:
         value = STRICT_DECODER.decode(text.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise FramingError("not a JSON object: %s" % error) from error
     if not isinstance(value, dict):
         raise FramingError("not a JSON object but %s" % type(value).__name__)
     return value
+
+
+def _depth(text: bytes) -> int:
+    brackets = _BRACKET.findall(_WHOLE_STRING.sub(b"", text))
+    return max(accumulate(map(_STEPS.__getitem__, brackets)), default=0)
 
 
 def encode_object(value: JsonObject) -> bytes:

@@ -6,6 +6,7 @@ imports only from those above it in this list:
 errors, units        what can go wrong; ns, ms and mm
 interrupts           Ctrl-C and SIGTERM, once
 driver_interface     types and numbers in the topics of JAKA drivers, and what they ask of no joint
+json_text, yaml_text  texts of files and strangers, bounded in depth
 log_records          names of the metadata records that recorders leave in a log
 paths, output_file   names of files; outputs that appear only when whole
 pipeline             work on several threads, results in order

@@ -12,6 +12,7 @@ import struct
 from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from jaka_bag.errors import ProtocolError
+from jaka_bag.json_text import load_json
 from jaka_bag.messages.connection import Connection
 from jaka_bag.units import NS_PER_S
 
@@ -149,8 +150,8 @@ _REFUSED = {"advertise": "viewers cannot publish here", "unadvertise": "viewers 
 def parse_text(text: str) -> Request:
     """Parse a viewer's text message."""
     try:
-        message = json.loads(text, parse_int=_short_int)
-    except (ValueError, RecursionError):
+        message = load_json(text, parse_int=_short_int)
+    except ValueError:
         raise ProtocolError("a text message is no JSON") from None
     op = message.get("op") if isinstance(message, dict) else None
     if op == "subscribe":

@@ -15,6 +15,7 @@ from jaka_bag.containers.registry import open_log
 from jaka_bag.driver_interface import PARAMETERS_NAME
 from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
+from jaka_bag.yaml_text import load_yaml
 
 BANKS = ("cabinet", "tool", "extension")
 """Places of terminals, as ``jaka_msgs/IOStates`` and the operator port name them."""
@@ -215,8 +216,8 @@ def parse_scenario(text: str, name: str, known_arms: Tuple[ArmSetup, ...] = (Arm
         ToleranceError: The tolerances in it are not understood.
     """
     try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none raises ValueError
+        document = load_yaml(text)
+    except (yaml.YAMLError, ValueError) as error:  # a date that is none raises ValueError
         raise ScenarioError("%s: %s" % (name, " ".join(str(error).split()))) from error
     given = _checked(name, {} if document is None else document,
                      ("about", "licence", "arms", "events", "tolerances"))
@@ -241,8 +242,8 @@ def _arms_of_log(path: PathLike) -> Tuple[ArmSetup, ...]:
         topics = {connection.topic for connection in reader.connections}
         found = [reader.read_attachment(entry) for entry in reader.index.attachments if entry.name == PARAMETERS_NAME]
     try:
-        parameters = yaml.safe_load(found[-1]) if found else {}
-    except (yaml.YAMLError, ValueError, RecursionError):
+        parameters = load_yaml(found[-1]) if found else {}
+    except (yaml.YAMLError, ValueError):
         parameters = {}
     arms: List[ArmSetup] = []
     for node in sorted(topic.rsplit("/", 1)[0] for topic in topics if topic.endswith("/joint_position")):

@@ -21,6 +21,8 @@ MAX_DEPTH = 32
 """Deepest nesting accepted; the deepest known request has two levels (docs/sdk-client.md section 8)."""
 INCOMPLETE_REQUEST_LIMIT_S = 5.0
 """Time, s, for which the rest of a request is waited for after its last byte; then it is an error."""
+_LONGEST_PLAIN = 512
+"""Longest request that the decoder sees, bytes; too short for brackets that reach the end of Python's stack."""
 SKIP_LIMIT_S = 0.1
 """Time, s, without a byte after which the rest of a bad document is no longer waited for."""
 
@@ -69,10 +71,11 @@ def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObje
         start: Where its brace stands.
     """
     try:
-        value, end = STRICT_DECODER.raw_decode(text, start)
-    except (ValueError, RecursionError):
+        value, length = STRICT_DECODER.raw_decode(text[start:start + _LONGEST_PLAIN])
+    except ValueError:
         return None, start
-    is_plain = end - start <= MAX_REQUEST_BYTES and data[start:end].isascii()
+    end = start + length
+    is_plain = data[start:end].isascii()
     if not is_plain or data.count(b"{", start, end) + data.count(b"[", start, end) > MAX_DEPTH:
         return None, start
     return value, end

@@ -160,8 +160,8 @@ def test_all_connections_end_at_once(arm, action):
 
 def test_stall_of_the_command_port(arm, client, feed):
     assert client.code("get_version") == "0"
-    arm.panel("stall", port="command", duration_ms=400)
     began = time.monotonic()
+    arm.panel("stall", port="command", duration_ms=400)
     ask_version(client)
     assert feed.frame()["enabled"] is True  # the others go on
     assert client.reply()["errorCode"] == "0" and time.monotonic() - began >= 0.35

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence,
 from ..containers.index import LogIndex, is_rosbag2
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError, UsageError
+from ..json_text import load_json
 from ..log_records import ACCIDENT, DROPS, TRIGGER
 from .main import for_each_file, human_bytes, printable
 
@@ -134,8 +135,6 @@ def _text(document: Dict[str, Any]) -> str:
 
 def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
     """Add the recorder's account of lost messages by topic."""
-    import json
-
     from ..containers.registry import read_metadata
 
     try:
@@ -144,12 +143,12 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
                 accounts = read_metadata(index, entry)
                 for topic in document["topics"]:
                     if topic["topic"] in accounts:
-                        account = json.loads(accounts[topic["topic"]])
+                        account = load_json(accounts[topic["topic"]])
                         if not (isinstance(account, dict)
                                 and all(isinstance(account.get(key) or 0, int) for key, _ in _LOSSES)):
                             raise ValueError("that of %s holds no counts" % topic["topic"])
                         topic["recorder"] = account
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise BagFormatError("%s: the recorder's account of losses is damaged: %s" % (index.path, error)) from error
 
 

@@ -11,6 +11,7 @@ import yaml
 
 from ..errors import BagError
 from ..paths import PathLike
+from ..yaml_text import BoundedLoader
 
 Section = TypeVar("Section")
 Rule = TypeVar("Rule")
@@ -180,7 +181,7 @@ _MOST_BITS = 2000
 """Bits of the largest whole number that is read: Python shows none of more than 4,300 digits."""
 
 
-class _UniqueKeys(yaml.SafeLoader):
+class _UniqueKeys(BoundedLoader):
     """YAML in which a key given twice is an error, and a number that no error text could show."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
@@ -286,7 +287,7 @@ def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
     """
     try:
         document = yaml.load(text, _UniqueKeys)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that is none raises ValueError
+    except (yaml.YAMLError, ValueError) as error:  # a date that is none raises ValueError
         raise ToleranceError("%s: %s" % (name, " ".join(str(error).split()))) from error
     given = _mapping(name, document)
     check_names(name, given, [item.name for item in dataclasses.fields(Tolerances)], ToleranceError)

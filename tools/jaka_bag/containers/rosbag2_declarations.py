@@ -59,10 +59,12 @@ def declarations(folder: PathLike) -> Declarations:
     """
     import yaml
 
+    from jaka_bag.yaml_text import load_yaml
+
     path = os.path.join(str(folder), METADATA)
     try:
         with open(path, encoding="utf-8") as file:
-            facts = yaml.safe_load(file)["rosbag2_bagfile_information"]
+            facts = load_yaml(file)["rosbag2_bagfile_information"]
         names = [os.path.basename(str(name)) for name in facts["relative_file_paths"]]
         topics: Dict[str, int] = {}
         for topic in facts["topics_with_message_count"]:
@@ -75,7 +77,7 @@ def declarations(folder: PathLike) -> Declarations:
         return Declarations(names, int(facts["message_count"]), topics, span)
     except FileNotFoundError:
         raise BagError("there is no %s" % METADATA) from None
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError, yaml.YAMLError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, yaml.YAMLError) as error:
         raise BagError("%s cannot be read (%s)" % (METADATA, " ".join(str(error).split())[:160])) from error
 
 

@@ -28,9 +28,11 @@ def describe(folder: PathLike) -> Dict[str, Any]:
     """Return the facts of a folder from its ``metadata.yaml``, in the form of ``jaka_bag info`` for a log."""
     import yaml
 
+    from jaka_bag.yaml_text import load_yaml
+
     try:
         with open(os.path.join(str(folder), METADATA), encoding="utf-8") as file:
-            facts = yaml.safe_load(file)["rosbag2_bagfile_information"]
+            facts = load_yaml(file)["rosbag2_bagfile_information"]
         duration, start = facts["duration"]["nanoseconds"], facts["starting_time"]["nanoseconds_since_epoch"]
         count = facts["message_count"]
         topics = [{"topic": t["topic_metadata"]["name"], "type": t["topic_metadata"]["type"], "md5sum": "",
@@ -47,7 +49,7 @@ def describe(folder: PathLike) -> Dict[str, Any]:
             "types": [{"type": name, "md5sum": ""} for name in sorted({topic["type"] for topic in topics})],
             "topics": sorted(topics, key=lambda topic: str(topic["topic"])), "attachments": [], "metadata": [],
             "notes": unnamed(declarations(folder).names, storage_files(folder))}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise BagError("%s is a rosbag2 folder whose %s cannot be read: %s" % (folder, METADATA, error)) from error
 
 
@@ -62,8 +64,10 @@ def _unpacked(folder: PathLike) -> "Optional[tempfile.TemporaryDirectory[str]]":
     """Return a temporary copy of a folder whose files are compressed as a whole, unpacked; None where they are not."""
     import yaml
 
+    from jaka_bag.yaml_text import load_yaml
+
     with open(os.path.join(str(folder), METADATA), encoding="utf-8") as file:
-        document = yaml.safe_load(file)
+        document = load_yaml(file)
     facts = document["rosbag2_bagfile_information"]
     if str(facts.get("compression_mode", "")).lower() != "file" or facts.get("compression_format") != "zstd":
         return None

@@ -3,12 +3,12 @@
 ``DefinitionError`` is raised where a definition is not understood or does not describe a message.
 """
 import base64
-import json
 import math
 import re
 from typing import Any
 
 from ..errors import DefinitionError
+from ..json_text import load_json
 from .connection import Connection
 from .values import ValueReader
 
@@ -33,7 +33,7 @@ class Decoder:
     def decode(self, raw: bytes) -> Any:
         """Decode one message."""
         try:
-            return json.loads(raw) if self._is_json else _for_json(self._reader.read(raw))
+            return load_json(raw) if self._is_json else _for_json(self._reader.read(raw))
         except (ValueError, DefinitionError, RecursionError) as error:
             raise DefinitionError("%s: a message does not fit its definition (%s)" % (self._name, error)) from error
 

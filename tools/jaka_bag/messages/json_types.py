@@ -13,6 +13,7 @@ import struct
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
 from ..errors import DefinitionError
+from ..json_text import load_json
 
 _BREAK = "=" * 80
 _DEEPEST = 20
@@ -92,7 +93,7 @@ class JsonType:
     def __init__(self, name: str, schema: str, package: str = "json") -> None:
         self.name = package + "/" + (re.sub(r"\W", "_", name) or "Message")
         try:
-            self._root: Any = json.loads(schema)
+            self._root: Any = load_json(schema)
         except (ValueError, RecursionError) as error:
             raise DefinitionError("the JSON Schema of %s cannot be read (%s)" % (name, error)) from error
         self._parts: List[str] = []
@@ -111,7 +112,7 @@ class JsonType:
             DefinitionError: It does not fit the schema.
         """
         try:
-            return self.write(json.loads(message))
+            return self.write(load_json(message))
         except (ValueError, RecursionError) as error:
             raise DefinitionError("a message does not fit its JSON Schema (%s)" % str(error)[:160]) from error
 

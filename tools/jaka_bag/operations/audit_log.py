@@ -5,7 +5,6 @@ line end) and, last, the CRC-32 of all that stands before that (``crc``). Lines 
 docs/audit.md has the format, and lists changes that a whole chain does not show.
 """
 import hashlib
-import json
 import os
 import re
 import time
@@ -13,6 +12,7 @@ import zlib
 from typing import Any, BinaryIO, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..errors import BagError
+from ..json_text import load_json
 
 SUFFIX = ".jsonl"
 LONGEST_LINE = 16384
@@ -324,8 +324,8 @@ def _decode(data: bytes) -> Tuple[Optional[Dict[str, Any]], str]:
     if int(found.group(1), 16) != zlib.crc32(data[:found.start()]):
         return None, "changed: its checksum is not that of its content"
     try:
-        fields = json.loads(data.decode("utf-8"), parse_constant=_not_json)
-    except (ValueError, RecursionError) as error:
+        fields = load_json(data.decode("utf-8"), parse_constant=_not_json)
+    except ValueError as error:
         return None, "foreign: not JSON: %s" % str(error)[:100]
     if not isinstance(fields, dict) or type(fields.get("n")) is not int or not isinstance(fields.get("prev"), str):
         return None, "foreign: it has no number, or names no line before it"

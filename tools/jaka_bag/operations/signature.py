@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, Dict, List, NamedTuple, Optional, Tuple
 from ..containers.index import open_for_reading
 from ..containers.registry import file_pieces
 from ..errors import BagError, MissingDependency, UsageError
+from ..json_text import load_json
 from ..output_file import OutputFile
 from ..paths import PathLike
 
@@ -144,7 +145,7 @@ def _read_document(path: Path) -> Dict[str, Any]:
     with open_for_reading(path) as file:
         raw = file.read(_MOST_TEXT)
     try:
-        document = json.loads(raw)
+        document = load_json(raw)
         if document["format"] != _FORMAT:
             raise ValueError("of another kind")
         base64.b64decode(document["public_key"], validate=True)
@@ -152,7 +153,7 @@ def _read_document(path: Path) -> Dict[str, Any]:
         for at, size, what, digest in document["pieces"]:
             if [type(value) for value in (at, size, what, digest)] != [int, int, str, str]:
                 raise ValueError("its list of records")
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise BagError("%s is no signature that is understood, or was changed: %s" % (path, error)) from error
     return dict(document)
 

@@ -1,12 +1,13 @@
 """The WebSocket session of one page, from hello to the end (docs/panel.md, "Protocol")."""
 import asyncio
-import json
 import logging
 import math
 import time
 from typing import Any, Callable, Dict, Mapping, Optional
 
 from aiohttp import WSMsgType, web
+
+from jaka_bag.json_text import load_json
 
 from .. import __version__
 from ..authority.jog_hold import WrongHeartbeat, heartbeat_from
@@ -258,8 +259,8 @@ def _object(received: Any) -> Optional[Message]:
     if received.type != WSMsgType.TEXT:
         return None
     try:
-        message = json.loads(received.data, parse_int=_whole)
-    except (ValueError, RecursionError):
+        message = load_json(received.data, parse_int=_whole)
+    except ValueError:
         return None
     return message if isinstance(message, dict) else None
 

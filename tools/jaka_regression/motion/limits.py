@@ -1,5 +1,4 @@
 """The limits of an arm from its URDF: the driver's ``robot_description``, running or in the log, or a file."""
-import json
 import math
 from typing import Any, List, NamedTuple, Optional, Sequence
 from xml.etree import ElementTree
@@ -10,8 +9,10 @@ import yaml
 from jaka_bag.containers.registry import open_log
 from jaka_bag.driver_interface import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, PARAMETERS_NAME
 from jaka_bag.errors import BagError
+from jaka_bag.json_text import load_json
 from jaka_bag.messages.batch import Array
 from jaka_bag.paths import PathLike
+from jaka_bag.yaml_text import load_yaml
 
 DESCRIPTION = "robot_description"
 _MAKER = "jaka"
@@ -131,10 +132,10 @@ class LogParameters:
 def _parsed(raw: bytes) -> Any:
     text = raw.decode("utf-8", "replace")
     try:
-        return json.loads(text)  # what the recorder writes; many times as fast as YAML
+        return load_json(text)  # what the recorder writes; many times as fast as YAML
     except ValueError:
         pass
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError):
+        return load_yaml(text)
+    except (yaml.YAMLError, ValueError):
         return {}
