@@ -25,4 +25,4 @@ nothing of this package; ``jaka_panel``, an operator's page, a client of its top
 ``jaka_migration``, programs for cells that move here from the maker's packages.
 """
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .containers.time_order import messages_of as messages_of
     from .operations.columns import read_columns as read_columns
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _HOMES = {"create_log": "jaka_bag.containers.registry", "messages_of": "jaka_bag.containers.time_order",
           "open_log": "jaka_bag.containers.registry", "read_columns": "jaka_bag.operations.columns",

@@ -16,4 +16,4 @@ pages      HTTP, WebSockets, what each page receives and may ask for
 docs/panel.md describes it and the protocol between page and server.
 """
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
