@@ -1,11 +1,11 @@
 """The watch over the ROS master: after its restart the node is registered again, because a new master knows no nodes.
 
-The registration is rospy's own; existing connections are left as they are.
+The registration is rospy's own; existing connections are left as they are. A master that is gone is told of, for no new
+call finds the driver until it is back.
 """
 import logging
 import threading
 from typing import Callable
-from xmlrpc.client import Error as XmlRpcError
 
 import rosgraph
 import rospy
@@ -14,6 +14,8 @@ from rospy.impl import registration
 _LOG = logging.getLogger(__name__)
 
 _PERIOD_S = 1.0
+_UNANSWERED = 3
+"""Questions without an answer after which it is told: one may be lost on a busy computer."""
 _LAST = "/get_loggers"
 """A service of every rospy node, registered after all others: a master that has it, has all.
 
@@ -45,16 +47,21 @@ class MasterWatch:
         self._closing.set()
 
     def _run(self) -> None:
+        unanswered = 0
         while True:
             try:
                 if not is_registered(rosgraph.Master(rospy.get_name())):
                     _LOG.warning("the ROS master was restarted; registering with the new one")
                     register_all()
                     self._on_new_master()
-            except (OSError, XmlRpcError, rosgraph.MasterException) as error:
-                _LOG.debug("no answer of the ROS master: %s", error)
-            except Exception:  # an answer that is cut off, or of another program at its address
-                _LOG.warning("the ROS master's answer is not understood; it is asked again", exc_info=True)
+                elif unanswered >= _UNANSWERED:
+                    _LOG.warning("the ROS master answers again")
+                unanswered = 0
+            except Exception as error:  # none, one that is cut off, or of another program at its address
+                unanswered += 1
+                if unanswered == _UNANSWERED:
+                    _LOG.warning("the ROS master does not answer: no new call finds this driver, ~stop_move neither; "
+                                 "the emergency stop is what is left (%s: %s)", type(error).__name__, error)
             if self._closing.wait(self._period):
                 return
 

@@ -99,6 +99,26 @@ def test_an_answer_that_is_cut_off_or_of_another_program_does_not_end_the_watch(
     assert eventually(lambda: told)
 
 
+def test_a_master_that_is_gone_is_told_once_and_that_it_is_back(watched, caplog):
+    caplog.set_level("INFO", master_watch.__name__)
+
+    def told():
+        return [record.getMessage() for record in caplog.records if record.name == master_watch.__name__]
+
+    master, registered, _ = watched
+    for error in ("refused", "refused again"):
+        caplog.clear()
+        master.defect = ConnectionRefusedError(error)
+        assert eventually(told)
+        while master.asked.acquire(blocking=False):
+            pass
+        looked(master, 5)
+        assert len(told()) == 1 and "does not answer" in told()[0] and "~stop_move" in told()[0] and error in told()[0]
+        master.defect = None
+        assert eventually(lambda: len(told()) == 2) and "answers again" in told()[1]
+        assert len(told()) == 2 and not registered
+
+
 def test_a_master_that_knows_the_node_is_left_alone_and_a_new_one_gets_everything(watched):
     master, registered, told = watched
     looked(master)
