@@ -3,7 +3,7 @@ import socket
 import time
 
 import pytest
-from arm_bench import LOOSE
+from arm_bench import LOOSE, PATIENT
 from waiting import eventually
 
 from jaka_ros_driver import commands as c
@@ -21,7 +21,7 @@ def joint_move(first=0.3, speed=1.0, acceleration=4.0):
 
 def test_a_joint_move_returns_when_the_arm_is_there(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     arm.move(joint_move(0.3))
     assert arm.fresh_state().joint_position[0] == pytest.approx(0.3, abs=1e-4)
     assert arm.motion_owner is None
@@ -30,7 +30,7 @@ def test_a_joint_move_returns_when_the_arm_is_there(bench):
 
 def test_stop_is_served_while_a_move_blocks_even_when_every_reply_is_late(bench, call):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     one.panel("fault", kind="delay", port="command", count=None, delay_ms=50)
     move = call(arm.move, joint_move(3.0, speed=0.2))
     assert eventually(one.is_moving)
@@ -46,7 +46,7 @@ def test_stop_is_served_while_a_move_blocks_even_when_every_reply_is_late(bench,
 
 def test_a_stop_that_cannot_be_delivered_fails(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     one.controller.close()
     with pytest.raises(ConnectionLost):
         arm.stop()
@@ -54,7 +54,7 @@ def test_a_stop_that_cannot_be_delivered_fails(bench):
 
 def test_closing_stops_the_arm_and_answers_the_pending_call(bench, call):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     move = call(arm.move, joint_move(3.0, speed=0.2))
     assert eventually(one.is_moving)
     called = time.monotonic()
@@ -67,7 +67,7 @@ def test_closing_stops_the_arm_and_answers_the_pending_call(bench, call):
 
 def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench, call):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     arm.move(joint_move(3.0, speed=0.2), wait=False)
     assert eventually(one.is_moving)
     stop, move = call(arm.stop), call(arm.move, joint_move(1.0))  # waits until the arm has come to rest

@@ -5,6 +5,7 @@ import time
 from concurrent.futures import Future
 
 import pytest
+from arm_bench import PATIENT
 from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -31,7 +32,7 @@ def to(first, seconds, starts_at=None):
 
 @pytest.fixture
 def arm(bench):
-    return bench().connect()
+    return bench().connect(**PATIENT)
 
 
 def joint(arm):
@@ -48,7 +49,7 @@ def test_a_trajectory_ends_at_rest_on_its_last_point(arm):
 
 def test_its_frames_are_sent_ahead_where_that_is_asked_for_and_it_ends_where_it_should(bench):
     one = bench()
-    arm = one.connect(stream_ahead=4)
+    arm = one.connect(stream_ahead=4, **PATIENT)
     arm.follow(to(0.3, 0.8), LOOSE).result(20.0)
     assert joint(arm) == pytest.approx(0.3, abs=1e-3) and arm.motion_owner is None
     times = one.times_of("servo_j")
@@ -124,7 +125,7 @@ def test_a_goal_is_cancelled_once_and_no_other_with_it(arm):
 
 def test_a_stop_since_it_was_asked_for_ends_it_before_anything_is_sent(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     asked_with = arm.stops
     arm.stop()
     with pytest.raises(MotionInterrupted) as caught:
@@ -134,7 +135,7 @@ def test_a_stop_since_it_was_asked_for_ends_it_before_anything_is_sent(bench):
 
 def test_an_end_of_all_trajectories_ends_one_that_was_asked_for_before_and_no_other_motion(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     asked_with = arm.stops
     assert not arm.end_trajectories(), "none runs yet"
     with pytest.raises(MotionInterrupted):
@@ -150,7 +151,7 @@ def test_an_end_of_all_trajectories_ends_one_that_was_asked_for_before_and_no_ot
 
 def test_one_that_breaks_a_limit_is_refused_and_nothing_is_sent(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     with pytest.raises(InvalidTrajectory):
         arm.follow(to(3.0, 0.1), LOOSE)
     assert one.requests("servo_move") == 0 and arm.motion_owner is None
@@ -158,7 +159,7 @@ def test_one_that_breaks_a_limit_is_refused_and_nothing_is_sent(bench):
 
 def test_after_the_end_of_the_driver_a_jog_message_is_refused(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(**PATIENT)
     arm.close()
     with pytest.raises(ConnectionLost):
         arm.jog_velocity(JogMessage("/pad", 1, 0.0, time.monotonic(), None, ""))

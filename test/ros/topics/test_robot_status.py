@@ -10,7 +10,7 @@ import types
 
 import pytest
 import rospy
-from arm_bench import Bench
+from arm_bench import PATIENT, Bench
 from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
@@ -57,7 +57,7 @@ def make(ros_node, tmp_path):
         def one(**options):
             bench = made.enter_context(contextlib.closing(Bench(tmp_path, power_delay=0.1, enable_delay=0.1,
                                                                 **options)))
-            publisher = RobotStatusPublisher(bench.connect())
+            publisher = RobotStatusPublisher(bench.connect(**PATIENT))
             made.callback(publisher._publisher.unregister)
             made.callback(bench.close)  # before that: its thread looks at the publisher
             publisher.start()

@@ -40,6 +40,10 @@ def processes_with(*words):
     return found
 
 
+PATIENT = {"silence_timeout": 5.0, "reply_timeout": 5.0}
+"""Settings of a client where links are not what a test is about: a busy host holds it up for a second."""
+
+
 class Bench:
     """One simulated controller with its log, and the client that drives it."""
 
