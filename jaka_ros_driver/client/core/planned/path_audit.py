@@ -50,13 +50,16 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
         if isinstance(command, JointMove):
             pose = yield Ask(ForwardKinematics(command.joint_position))
             places.append(PathPlace(command.joint_position, pose))
-            place = yield from _looked_at(motion_check, command, place, command.joint_position, number, check)
+            place = yield from _looked_at(motion_check, command, place, number, check)
             continue
+        # before the controller is asked, which does not say why a place is out of reach
+        place = yield from _looked_at(motion_check, command, place, number, check)
         if isinstance(command, ArcMove):
             before = yield from _joints_at(command.via, before, audited, number, "via")
         joints = yield from _joints_at(command.target, before, audited, number, "target")
         places.append(PathPlace(joints, command.target))
-        place = yield from _looked_at(motion_check, command, place, joints, number, check)
+        if place.joints is None:
+            place = yield from _looked_at(motion_check, JointMove(joints, 0.1, 0.1), place, number, check)
     return SegmentPath(commands, places)
 
 
@@ -70,14 +73,11 @@ def _joints_at(pose: Pose, reference: Vector, audited: Callable[[Command], Comma
     return joints
 
 
-def _looked_at(motion_check: MotionCheck, command: PathCommand, place: StartPlace, joints: Vector,
-               number: int, check: Callable[[], None]) -> Procedure:
-    """Return the place behind a segment whose way is clear; where its joints are not known, those of the controller."""
+def _looked_at(motion_check: MotionCheck, command: PathCommand, place: StartPlace, number: int,
+               check: Callable[[], None]) -> Procedure:
+    """Return the place behind a segment whose way is clear; its joints are None where the guard does not know them."""
     try:
-        place = yield from in_slices(motion_check.after_move(command, place), check)
-        if place.joints is None:
-            place = yield from in_slices(motion_check.after_move(JointMove(joints, 0.1, 0.1), place), check)
-        return place
+        return (yield from in_slices(motion_check.after_move(command, place), check))
     except InvalidCommand as error:
         raise InvalidCommand("segment %d: %s" % (number, error)) from error
 
