@@ -221,7 +221,8 @@ class Judge:
             self._showed_fault = frame.shows_fault
             if frame.restarts > self._restarts_seen and not self._knows_loss:  # else it ended the link, which was told
                 self.sent.alarmed(is_fault=False)
-            self._restarts_seen, self._knows_loss = frame.restarts, False
+            # the most: a frame that is repeated may be one of before the restart
+            self._restarts_seen, self._knows_loss = max(self._restarts_seen, frame.restarts), False
 
     def called(self, call: Call) -> None:
         """Note a call that the core is about to get."""
