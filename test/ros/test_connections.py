@@ -22,6 +22,7 @@ from waiting import WAIT, eventually
 
 from jaka_msgs.srv import GetIO
 from jaka_ros_driver.ros import connections
+from jaka_ros_driver.ros.services.server import CallCount
 
 DESCRIPTORS = 256
 SERVED_WITHIN = 2.0
@@ -393,3 +394,16 @@ def test_a_subscriber_is_handed_to_the_topics_and_a_caller_to_the_services(field
         connections._shake_hands(desk, connections.PooledConnection(here, 0.0), "a peer")
         assert desk.handled == handled and (here.fileno() == -1) is not bool(handled)
         assert handled or b"no topic or service name" in peer.recv(4096)
+
+
+def test_the_count_of_calls_is_none_again_when_the_last_one_has_ended():
+    calls = CallCount()
+    assert calls.wait_for_none(0.0)
+    with calls.one():
+        with calls.one():
+            pass
+        assert not calls.wait_for_none(0.0)
+    assert calls.wait_for_none(0.0)
+    with pytest.raises(KeyError), calls.one():
+        raise KeyError("a call that fails has ended, too")
+    assert calls.wait_for_none(0.0)
