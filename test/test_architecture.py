@@ -128,7 +128,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "plans": {"teach", "jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
         "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
             "jaka_bag." + room for room in TOOLS},
-        "cell": {"jaka_ros_driver.audit"},
+        "cell": {"jaka_ros_driver.audit", "jaka_bag.json_text"},
         "teach": set(),
         "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph", "jaka_bag.json_text"},
         "program": {"", "settings", "graph", "pages", "jaka_regression"},

@@ -24,8 +24,12 @@ def load_json(text: Union[str, bytes], **options: Any) -> Any:
     """
     if not isinstance(text, str):
         text = text.decode(json.detect_encoding(text), "surrogatepass")
-    if text.count("[") + text.count("{") > DEEPEST:
-        brackets = _BRACKET.findall(_STRING.sub("", text))
-        if max(accumulate(map(_STEPS.__getitem__, brackets)), default=0) > DEEPEST:
-            raise ValueError("deeper than %d levels" % DEEPEST)
+    if text.count("[") + text.count("{") > DEEPEST and depth_of(text) > DEEPEST:
+        raise ValueError("deeper than %d levels" % DEEPEST)
     return json.loads(text, **options)
+
+
+def depth_of(text: str) -> int:
+    """Return how many levels a JSON text has, without recursing into it."""
+    brackets = _BRACKET.findall(_STRING.sub("", text))
+    return max(accumulate(map(_STEPS.__getitem__, brackets)), default=0)

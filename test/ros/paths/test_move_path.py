@@ -69,7 +69,8 @@ MALFORMED = {
     "a radius larger than half of a side": (lambda: square(radius=0.031), "valid: at most half"),
     "out of reach": (lambda: square() + [line(1.5, 0.0)],
                      "segment 4: refused: its target cannot be reached: out of reach"),
-    "an arc out of reach": (lambda: [arc((1.5, 0.1), (0.45, 0.2))], "it cannot go on: out of reach: shoulder"),
+    "an arc out of reach": (lambda: [arc((1.5, 0.1), (0.45, 0.2))],
+                            "segment 0: refused: after 612 mm of 3593 mm it cannot go on: out of reach: shoulder"),
     "an arc on a line": (lambda: [arc((0.43, 0.1), (0.46, 0.1))], "no circle"),
 }
 

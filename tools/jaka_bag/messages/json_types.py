@@ -94,7 +94,7 @@ class JsonType:
         self.name = package + "/" + (re.sub(r"\W", "_", name) or "Message")
         try:
             self._root: Any = load_json(schema)
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             raise DefinitionError("the JSON Schema of %s cannot be read (%s)" % (name, error)) from error
         self._parts: List[str] = []
         self._fields = 0
@@ -113,7 +113,7 @@ class JsonType:
         """
         try:
             return self.write(load_json(message))
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             raise DefinitionError("a message does not fit its JSON Schema (%s)" % str(error)[:160]) from error
 
     def write(self, value: Any) -> bytes:

@@ -7,6 +7,8 @@ import json
 import re
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
+from jaka_bag.json_text import depth_of
+
 FORMAT, VERSION = "jaka-cell", 1
 LARGEST = 256 * 1024
 """Most bytes of a cell's text."""
@@ -292,7 +294,7 @@ def cell_of(text: str) -> CellData:
     """Return the cell that a text holds; raise WrongCell."""
     if len(text.encode("utf-8", "replace")) > LARGEST:
         raise WrongCell("it is longer than %d bytes" % LARGEST)
-    if _depth(text) > _DEEPEST:
+    if depth_of(text) > _DEEPEST:
         raise WrongCell("it is no cell: nested too deep")
     try:
         whole = json.loads(text, parse_constant=_no_constant, parse_int=_integer, object_pairs_hook=_no_twin)
@@ -307,21 +309,6 @@ def cell_of(text: str) -> CellData:
     _object({"format": _text, "version": _whole(VERSION, VERSION), "revision": _whole(0, 10 ** 12), "saved": _text,
              "by": _text, "data": lambda value, place: None}, {})(whole, "the file")
     return CellData(whole["revision"], whole["saved"], whole["by"], check_data(whole["data"]))
-
-
-def _depth(text: str) -> int:
-    """Return how deep a JSON text nests, before a parser recurses into it."""
-    depth = deepest = 0
-    in_text = False
-    for mark in re.findall(r'\\.|["\[\]{}]', text):
-        if mark == '"':
-            in_text = not in_text
-        elif not in_text and mark in "[{":
-            depth += 1
-            deepest = max(deepest, depth)
-        elif not in_text and mark in "]}":
-            depth -= 1
-    return deepest
 
 
 def _no_constant(word: str) -> None:
