@@ -150,15 +150,20 @@ def top_joint_speeds(model: ArmModel) -> Tuple[float, ...]:
 
 
 def stoppable_speed(distance: float, acceleration: float, period: float) -> float:
-    """Return the highest speed from which a stop takes no more than this distance.
+    """Return the highest speed from which a stop takes no more than this distance, this cycle's way included.
+
+    It is exact for a brake in whole cycles, whose ways shrink by acceleration * period ** 2 from one to the next; the
+    parabola of a brake without cycles lets a stop pass its end by up to an eighth of that.
 
     Args:
         distance: rad or m, 0 or more.
-        acceleration: With which it brakes, in whole cycles, rad/s2 or m/s2.
+        acceleration: With which it brakes, rad/s2 or m/s2.
         period: Of a cycle, s.
     """
-    half = 0.5 * period
-    return min(acceleration * (math.sqrt(half * half + 2.0 * distance / acceleration) - half), distance / period)
+    change = acceleration * period
+    ways = distance / (change * period)
+    cycles = int(0.5 * (math.sqrt(1.0 + 8.0 * ways) - 1.0))
+    return change * (0.5 * cycles + ways / (cycles + 1))
 
 
 def joint_speed_limit(model: ArmModel) -> float:

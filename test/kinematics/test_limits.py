@@ -349,6 +349,23 @@ def test_a_relative_servo_target_may_not_leave_the_limits():
         limits.check(c.ServoJoint(outward, relative=True), ZU7, on_the_limit)
 
 
+def braked_way(speed, acceleration, period):
+    """Return the way of a brake in whole cycles, the cycle at the full speed included."""
+    way = 0.0
+    while speed > 0.0:
+        way += speed * period
+        speed -= acceleration * period
+    return way
+
+
+@pytest.mark.parametrize("acceleration, period", [(4.0 * math.pi, 0.008), (3.6 * math.pi, 0.008), (1.0, 0.004)])
+@given(distance=st.floats(0.0, 3.0))
+def test_the_stoppable_speed_is_the_highest_whose_stop_in_whole_cycles_fits(distance, acceleration, period):
+    speed = limits.stoppable_speed(distance, acceleration, period)
+    assert braked_way(speed, acceleration, period) <= distance + 1e-12
+    assert braked_way(speed + 1e-6, acceleration, period) > distance
+
+
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=0, max_size=8),
        st.floats(allow_nan=True, allow_infinity=True), st.floats(allow_nan=True, allow_infinity=True))
 def test_a_joint_move_passes_only_inside_every_bound(joints, speed, acceleration):

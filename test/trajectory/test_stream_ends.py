@@ -6,6 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from plant_watch import PlantWatch
 
 from jaka_ros_driver.client.core.servo_planner import JointServo
@@ -78,6 +80,7 @@ def test_no_stream_runs_onto_a_limit(name, stream):
             end = stream_limits(model)[joint][sign > 0.0]
             assert "joint %d is led to %.6f rad" % (joint + 1, end) in led
             assert frames[-1] == pytest.approx(start[:joint] + (end,) + start[joint + 1:], abs=1e-6)
+            assert max(sign * (frame[joint] - end) for frame in frames) <= 1e-9
             watch = PlantWatch(start, model, checks_acceleration=False)
             watch.plant.enter_servo()
             for frame in frames:
@@ -86,6 +89,24 @@ def test_no_stream_runs_onto_a_limit(name, stream):
             faults = [hex(code) for code in watch.codes if code & 0xFFFF not in (0x33, 0x34)]
             assert not faults and not watch.plant.on_soft_limit, "joint %d, end %g" % (joint + 1, sign)
             assert watch.plant.joint_position == pytest.approx(frames[-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@given(speed=st.floats(0.05, 2.5), period=st.floats(0.004, 0.04), way=st.floats(0.02, 0.5))
+def test_points_that_run_into_the_end_at_any_speed_are_braked_to_stand_there(sign, speed, period, way):
+    model = load_model("zu7")
+    end = stream_limits(model)[3][sign > 0.0]
+    place = end - sign * way
+    follower, passed = PointFollower((0.0, 1.57, -1.57, place, 1.57, 0.0), model, 0.0), []
+    due = period
+    for cycle in range(int((way / speed + 0.6) / SERVO_PERIOD_S)):
+        follower.now = now = cycle * SERVO_PERIOD_S
+        while due <= now:
+            place += sign * speed * min(due / 0.2, 1.0) * period
+            follower.add((0.0, 1.57, -1.57, sign * min(sign * place, sign * end), 1.57, 0.0), due + 2.0 * period, due)
+            due += period
+        passed.append(sign * (follower.step(1.0)[3] - end))
+    assert max(passed) <= 1e-9 and passed[-1] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("stream", STREAMS)

@@ -1,7 +1,8 @@
 """The picture of the guard's capsules in docs/motion_guard.md: each model in a usual pose, from the front and the side.
 
-Seen from far away, a capsule is a line with round ends, as wide as twice its radius: SVG draws exactly that. After a
-change of the shapes, drawn anew by
+Behind the models stands which pairs of parts are looked at, for each set of pairs that a model has. Seen from far away,
+a capsule is a line with round ends, as wide as twice its radius: SVG draws exactly that. After a change of the shapes,
+drawn anew by
 
     build/venv/bin/python3 test/support/pages/draw_capsules.py
 """
@@ -24,6 +25,8 @@ COLOURS = ("#4a4a4a", "#31688e", "#35b779", "#7ad151", "#b5a91d", "#e08214", "#b
 USUAL = (0.0, 0.5 * math.pi, -0.5 * math.pi, 0.5 * math.pi, 0.5 * math.pi, 0.0)
 POSES = {SPHERICAL_WRIST: (0.0, 0.3, -1.9, 0.0, -1.2, 0.0),
          TWO_PARALLEL: (0.0, 0.5 * math.pi, -0.5 * math.pi, 0.0, 0.5 * math.pi, 0.0)}
+ROW = 21
+"""Height of a row of the pairs."""
 VIEWS = ((0, 2, 1, "side"), (1, 2, 0, "front"))
 """Axes of the base that run right, up and towards the one who looks, and the name of the view."""
 
@@ -64,6 +67,32 @@ def drawn(name, left, top):
     return lines
 
 
+def sets_of_pairs():
+    """Return each set of pairs that a model has, as {(names of the parts, colours, pairs): models}."""
+    sets = {}
+    for name in model_names():
+        shape = arm_shape(load_model(name))
+        key = (tuple(capsule.name for capsule in shape.capsules),
+               tuple(COLOURS[capsule.frame] for capsule in shape.capsules), shape.pairs)
+        sets.setdefault(key, []).append(name)
+    return sets
+
+
+def drawn_pairs(parts, models, left, top):
+    """Return the lines of a table of pairs: a row and a column for each part, a dot where the two are looked at."""
+    names, colours, pairs = parts
+    title = ", ".join(models) if len(models) < 3 else "%d models" % len(models)
+    lines = ['<text x="%d" y="%d">%s: %d pairs</text>' % (left, top, title, len(pairs))]
+    for row, (name, colour) in enumerate(zip(names, colours), 1):
+        y = top + ROW * row
+        lines.append('<line x1="%d" y1="%d" x2="%d" y2="%d" stroke="%s" stroke-width="12"/>' % (
+            left + 8, y, left + 20, y, colour))
+        lines.append('<text x="%d" y="%d">%s</text>' % (left + 34, y + 5, name))
+        lines += ['<circle cx="%d" cy="%d" r="5" fill="%s"/>' % (left + 190 + 20 * first, y, colours[first])
+                  for first, second in pairs if second == row - 1]
+    return lines
+
+
 def picture():
     """Return the SVG of all models."""
     names = model_names()
@@ -74,6 +103,12 @@ def picture():
              '<rect width="100%" height="100%" fill="white"/>']
     for n, name in enumerate(names):
         lines += drawn(name, n % COLUMNS * CELL, n // COLUMNS * CELL)
+    left, top = len(names) % COLUMNS * CELL, (rows - 1) * CELL + 20
+    for parts, models in sorted(sets_of_pairs().items(), key=lambda item: -len(item[1])):
+        if top + ROW * len(parts[0]) > rows * CELL:
+            left, top = left + 310, (rows - 1) * CELL + 20
+        lines += drawn_pairs(parts, models, left, top)
+        top += ROW * (len(parts[0]) + 1) + 10
     return "\n".join(lines + ["</svg>"]) + "\n"
 
 
