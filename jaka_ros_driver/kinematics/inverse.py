@@ -27,6 +27,8 @@ LIMIT_TOLERANCE = 1e-9
 
 _NEAR_REFERENCE = 0.05
 """Largest difference, rad, of any joint from the reference up to which an iterative solution counts as the nearest."""
+_NEAR_STRETCHED = 0.25
+"""Elbow measure (dimensionless) below which a table that is some mm beside its structure can have other branches."""
 _NEAR_SINGULAR = 0.02
 """Singularity measure (dimensionless; shoulder in m) below which rounding of the pose can move the branches far."""
 
@@ -77,7 +79,9 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
             turned.append(angle)
         else:
             best, best_cost = tuple(turned), cost
-    if best_cost > _NEAR_REFERENCE ** 2 and min(singularity_measures(model, reference)) < _NEAR_SINGULAR:
+    if not model.is_exact and (best is None or abs(singularity_measures(model, reference).elbow) < _NEAR_STRETCHED):
+        best = _followed(model, base_t_flange, tuple(reference), best)
+    elif best_cost > _NEAR_REFERENCE ** 2 and min(singularity_measures(model, reference)) < _NEAR_SINGULAR:
         followed = numeric_inverse.settle(model, base_t_flange, reference)
         if (_is_near(model, followed, reference) and math.dist(followed, reference) ** 2 < best_cost
                 and _reaches(model, followed, base_t_flange)):
@@ -87,6 +91,33 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
     if branches:
         raise PoseOutsideLimits(_outside_limits(model, branches))
     raise UnreachablePose(obstacle)
+
+
+def _followed(model: ArmModel, target: Transform, reference: Vector, best: Optional[Vector]) -> Optional[Vector]:
+    """Return the nearest joints within the limits, rad (6,), of ``best`` and of what is found from the reference itself.
+
+    Beside a stretched elbow the structure's branches, from which the real table's are refined, may be none, or may all
+    lead to one side of the elbow; so the second search begins on the other side of what the first one found.
+    """
+    for is_mirrored in (False, True):
+        start = reference if not is_mirrored or best is None else _on_other_side(model, best)
+        for follow in (numeric_inverse.refine, numeric_inverse.settle):
+            found = follow(model, target, start)
+            if found is None or not _reaches(model, found, target):
+                continue
+            turned = tuple([angle - math.tau * round((angle - near) / math.tau)
+                            for angle, near in zip(found, reference)])
+            is_nearer = best is None or math.dist(turned, reference) < math.dist(best, reference)
+            if is_nearer and all(low <= angle <= high for angle, (low, high) in zip(turned, model.joint_limits)):
+                best = turned
+    return best
+
+
+def _on_other_side(model: ArmModel, joints: Vector) -> Vector:
+    """Return joints, rad (6,), with the elbow on the other side, for arms whose upper arm is as long as the forearm."""
+    q1, q2, q3, q4, q5, q6 = joints
+    elbow = q3 + model.dh[2].theta_offset
+    return q1, q2 + elbow, q3 - 2.0 * elbow, q4 + elbow, q5, q6
 
 
 def _branches(model: ArmModel, target: Transform, reference: Optional[Sequence[float]]) -> Tuple[List[Vector], str]:

@@ -135,20 +135,42 @@ def test_the_nearest_of_all_branches_and_turns_is_chosen():
         assert sum((a - b) ** 2 for a, b in zip(found, reference)) == pytest.approx(min(costs))
 
 
+def stretched_elbow(model, joints):
+    """Return joint 3, rad, at which the elbow is stretched."""
+    return min((singularity_measures(model, (*joints[:2], q3, *joints[3:])).elbow, q3)
+               for q3 in (-math.pi / 2, 0.0, math.pi / 2))[1]
+
+
 @pytest.mark.parametrize("model", [model for model in map(load_model, model_names()) if model.has_closed_form],
                          ids=lambda model: model.name)
 def test_no_branch_is_nearer_beside_the_stretched_elbow(model):
     rng = random.Random(17)
     for _ in range(200):
         joints = list(dh_oracle.random_joints(model, rng))
-        stretched = min((singularity_measures(model, (*joints[:2], q3, *joints[3:])).elbow, q3)
-                        for q3 in (-math.pi / 2, 0.0, math.pi / 2))[1]
-        joints[2] = stretched + rng.choice((-1.0, 1.0)) * 10.0 ** rng.uniform(-9.0, -1.0)
+        joints[2] = stretched_elbow(model, joints) + rng.choice((-1.0, 1.0)) * 10.0 ** rng.uniform(-9.0, -1.0)
         apart = 10.0 ** rng.uniform(-2.0, -1.2)  # most cases are where the nearest solution is 0.05 rad away
         reference = tuple(min(max(angle + rng.gauss(0.0, apart), low), high)
                           for angle, (low, high) in zip(joints, model.joint_limits))
         found = inverse.inverse(model, forward(model, joints), reference)
         assert math.dist(found, reference) <= math.dist(joints, reference) + 1e-6
+
+
+@pytest.mark.parametrize("name", ["zu7", "zu18", "c12", "a12", "minicobo"])
+def test_a_calibrated_arm_beside_its_stretched_elbow_finds_what_it_reaches_near_the_reference_or_nearest(name):
+    nominal, rng, farther = load_model(name), random.Random(18), 0
+    for _ in range(150):
+        model = calibrated(nominal, rng)
+        joints = list(dh_oracle.random_joints(model, rng))
+        joints[2] = rng.choice((-1.0, 1.0)) * 10.0 ** rng.uniform(-6.0, -1.0) - nominal.dh[2].theta_offset
+        apart = 10.0 ** rng.uniform(-2.0, -1.2)
+        reference = tuple(min(max(angle + rng.gauss(0.0, apart), low), high)
+                          for angle, (low, high) in zip(joints, model.joint_limits))
+        target = forward(model, joints)
+        found = inverse.inverse(model, target, reference)
+        assert rotations.distance_between(forward(model, found), target) <= inverse.POSITION_TOLERANCE
+        farther += (max(abs(a - b) for a, b in zip(found, reference)) > 0.05
+                    and math.dist(found, reference) > 1.05 * math.dist(joints, reference))
+    assert farther <= 1, "the wrist is beside a singularity, too"
 
 
 def rounded_to_float32(target):

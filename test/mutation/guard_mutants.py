@@ -8,6 +8,7 @@ from mutant import Mutant
 
 PATHS = ("test/client/core/test_bad_paths.py",)
 MOTIONS = ("test/client/simulated/test_motion_guard.py",)
+STREAMS = ("test/client/simulated/test_servo_guard.py",)
 CLEARANCES = ("test/clearance/test_motion_guard.py",)
 LOOKS = ("test/client/test_long_looks.py",)
 PROGRAMS = ("test/client/core/test_program_stories.py",)
@@ -41,9 +42,18 @@ OF_THE_MOTION_GUARD: Tuple[Mutant, ...] = (
     Mutant("a tool frame of the table is the flange", "client/core/motion_guard/tool_frames.py",
            "flange_t_tool = tools[state.tool_id]", "flange_t_tool = IDENTITY", MOTIONS),
     Mutant("a stream does not look where it comes to stand", "client/core/motion_guard/frame_guard.py",
-           "self._look((self._joints, joints, stand))", "self._look((self._joints, joints))", MOTIONS),
+           "self._look((self.joints, joints, brake_end(self.joints, joints)))", "self._look((self.joints, joints))",
+           STREAMS),
     Mutant("a stream that must brake stops at once", "client/core/motion_guard/frame_guard.py",
-           "0.0 if abs(s) <= abs(less) * (1.0 + _ROUNDING) else s - less", "0.0", MOTIONS),
+           "share = left / fastest if left > _ROUNDING * _STEP_CHANGE else 0.0", "share = 0.0", MOTIONS),
+    Mutant("a joint target is looked at without the brake behind it", "client/core/servo_planner.py",
+           "end = (brake_end(self._position, goal),) if passes else ()", "end = ()", STREAMS),
+    Mutant("a pose target is looked at without the brake behind it", "client/core/servo_planner.py",
+           "        if not (self._linear.passes(away) or self._angular.passes(turn)):\n", "        if True:\n", STREAMS),
+    Mutant("no frame of a pose stream is looked at", "client/core/servo.py",
+           "        return self._pose_guard.joints_of(frame.target)", "        return None, \"\"", STREAMS),
+    Mutant("targets are accepted while the guard brakes", "client/core/servo.py",
+           "        self._require_unbraked()\n", "", STREAMS),
     Mutant("clear space has no end", "client/core/motion_guard/clear_space.py",
            "            if not moved < self._room:", "            if False:", MOTIONS),
     Mutant("a program is not watched", "client/core/planned/program.py",

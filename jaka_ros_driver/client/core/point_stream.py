@@ -101,6 +101,7 @@ class PointStream(Trajectory):
         """
         if self.is_leaving:
             raise InvalidCommand("refused: the stream before this point is being ended; send it again")
+        self._require_unbraked()
         if self._is_entered:
             trouble = self._look((self._end, point.position))
             if trouble:
@@ -148,9 +149,6 @@ class PointStream(Trajectory):
     def _not_entered(self, error: JakaError) -> None:
         self._gate.close(str(error))
         self._custody.actions.log(logging.WARNING, "the stream of points is not followed: %s" % error)
-
-    def _stand(self) -> Vector:
-        return self._end
 
     def _frame(self, now: float) -> ServoJoint:
         self._follower.now = now

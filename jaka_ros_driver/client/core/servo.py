@@ -1,15 +1,16 @@
 """Servo mode for a client that streams targets; the arm is held before they come, and when they stop."""
 import logging
-from typing import List, Optional, Union
+from typing import List, Optional, Tuple, Union
 
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.motion_guard.pose_guard import PoseGuard
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, Frame, OnMode, Streaming, commanded_joints
-from jaka_ros_driver.commands import Pose, ServoJoint
+from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
@@ -39,6 +40,7 @@ class Servo(Streaming):
         self._model = model
         self._calls: List[Token] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
+        self._pose_guard: Optional[PoseGuard] = None
         self._last_target_at = 0.0
         self._was_led = False
 
@@ -68,11 +70,13 @@ class Servo(Streaming):
             Which joint is led elsewhere, because its target is too near to a limit, in words; "" for none.
 
         Raises:
-            InvalidCommand: It is too far away, outside the limits, or servo mode is not on; nothing moves.
+            InvalidCommand: It is too far away, outside the limits, the motion guard brakes, or servo mode is not on;
+                nothing moves.
         """
         if self._stream is None or self._leave_reason is not None:
             raise InvalidCommand("refused: servo mode is being %s" % (
                 "entered" if self._leave_reason is None else "left: " + self._leave_reason))
+        self._require_unbraked()
         led = ""
         if isinstance(command, ServoJoint):
             joints = self._stream if isinstance(self._stream, JointServo) else self._joint_stream_at_rest()
@@ -132,14 +136,25 @@ class Servo(Streaming):
 
     # ---- streams ----
 
-    def _stand(self) -> Optional[Vector]:
-        return self._stream.target if isinstance(self._stream, JointServo) else None
+    def _joints_of(self, frame: Frame) -> Tuple[Optional[Vector], str]:
+        if isinstance(frame, ServoJoint) or self._pose_guard is None:
+            return super()._joints_of(frame)
+        return self._pose_guard.joints_of(frame.target)
+
+    def _frame_at(self, joints: Vector) -> Tuple[Frame, Vector]:
+        if not isinstance(self._stream, PoseServo) or self._pose_guard is None:
+            return super()._frame_at(joints)
+        pose = self._pose_guard.pose_at(joints)
+        return ServoPose(pose), PoseServo.point_at(pose)
 
     def _follow(self, stream: Union[JointServo, PoseServo]) -> None:
-        if stream is not self._stream:
-            self._stream, self._trace = stream, ServoTrace()
-            if isinstance(stream, JointServo):
-                self._is_guarded(stream.point)
+        if stream is self._stream:
+            return
+        self._stream, self._trace = stream, ServoTrace()
+        if isinstance(stream, JointServo):
+            self._is_guarded(stream.point)
+        else:
+            self.frame_guard = None if self._pose_guard is None else self._pose_guard.frames
 
     def _require_rest(self) -> None:
         """Refuse a change of the kind of stream unless the arm rests.
@@ -164,6 +179,7 @@ class Servo(Streaming):
         state, settings = self._state, self._custody.settings
         if state.tcp_position is None or state.tcp_rpy is None:
             raise InvalidCommand("refused: the controller does not report the tool pose")
+        self._pose_guard = guard = self._custody.motion_check.pose_guard(state, self._look)
         return PoseServo(Pose(state.tcp_position, state.tcp_rpy), self._model.tcp_max_speed or _TCP_SPEED_UNKNOWN,
                          settings.servo_max_linear_jump, settings.servo_max_angular_jump, settings.servo_ahead,
-                         SERVO_PERIOD_S, self._custody.motion_check.pose_look(state, self._look))
+                         SERVO_PERIOD_S, *(() if guard is None else (guard.target_trouble,)))

@@ -7,7 +7,7 @@ without a target.
 import math
 from typing import Callable, Optional, Sequence, Tuple
 
-from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
+from jaka_ros_driver.client.core.motion_guard.frame_guard import Look, brake_end
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -35,6 +35,7 @@ from jaka_ros_driver.state import RobotState, Vector
 
 Room = Tuple[float, float]
 """The distances from here to the limits below and above, rad."""
+PoseLook = Callable[[Pose, Optional[Pose]], str]
 _NO_LIMITS: Room = (math.inf, math.inf)
 _ORIGIN = (0.0, 0.0, 0.0)
 _LEVER = 0.3
@@ -78,6 +79,19 @@ class _Follower:
         way = speed * self._period + 0.5 * speed * speed / self._acceleration
         return (speed <= self._max_speed and math.dist(wanted, velocity) <= self._max_change
                 and way <= room[wanted[0] > 0.0] + _WIRE_ROUNDING)
+
+    def passes(self, away: Sequence[float], room: Room = _NO_LIMITS) -> bool:
+        """Return whether a new target that is ``away`` from here is reached at once, and too fast to stand there."""
+        wanted = tuple([a / self._period for a in away])
+        return math.hypot(*wanted) > self._max_change and self._takes_at_once(wanted, room)
+
+    def brake_way(self, away: Sequence[float]) -> Vector:
+        """Return the way of the brake behind a new target that is ``away`` from here; none where it can stand there."""
+        if not self.passes(away):
+            return (0.0,) * len(away)
+        changes = math.hypot(*away) / (self._max_change * self._period)
+        cycles = int(changes)
+        return tuple([(cycles - 0.5 * cycles * (cycles + 1) / changes) * a for a in away])
 
     @property
     def is_still(self) -> bool:
@@ -157,9 +171,10 @@ class JointServo:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
-        trouble = self._look((self._position, goal))
-        if trouble:
-            raise InvalidCommand("refused: on the way to the servo target %s" % trouble)
+        passes = any([follower.passes((value - position,), self._room(index)) for index, (value, position, follower)
+                      in enumerate(zip(goal, self._position, self._followers))])
+        end = (brake_end(self._position, goal),) if passes else ()
+        _require_no(self._look((self._position, goal, *end)), passes)
         self._target, self._is_new = goal, True
         return led
 
@@ -170,11 +185,6 @@ class JointServo:
                 raise InvalidCommand("refused: joint %d of the servo target is %.6f rad; valid: %.6f to %.6f rad"
                                      % (index + 1, value, low, high))
         return led_inside(goal, stream_limits(self._model, self._position))
-
-    @property
-    def target(self) -> Vector:
-        """The last target, rad (6,): the stream rests there where no other one comes."""
-        return self._target
 
     @property
     def is_at_rest(self) -> bool:
@@ -211,10 +221,11 @@ class PoseServo:
     """A stream of Cartesian targets in the active user frame."""
 
     def __init__(self, pose: Pose, max_linear_speed: float, max_linear_jump: float, max_angular_jump: float,
-                 ahead: float, period: float, look: Callable[[Pose], str] = lambda pose: "") -> None:
+                 ahead: float, period: float, look: PoseLook = lambda pose, end: "") -> None:
         """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints.
 
-        look: Says for which reason the arm must not go from the last target to this one.
+        look: Says for which reason the arm must not go from the last frame to a target, and behind it to the end of
+            its brake; None where it can stand at the target itself.
         """
         self._look = look
         self._linear = _Follower(max_linear_speed, TCP_ACCELERATION_CEILING, period)
@@ -250,11 +261,18 @@ class PoseServo:
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
                 "(servo_ahead); send smaller steps" % (distance, angle, self._ahead))
-        trouble = self._look(Pose(position, rpy))
-        if trouble:
-            raise InvalidCommand("refused: on the way to the servo target %s" % trouble)
+        end = self._pose_behind(position, away, rotation, turn)
+        _require_no(self._look(Pose(position, rpy), end), end is not None)
         self._target_position, self._target_rotation = position, rotation
         self._is_new = True
+
+    def _pose_behind(self, position: Vector, away: Sequence[float], rotation: Transform,
+                     turn: Sequence[float]) -> Optional[Pose]:
+        """Return where the brake behind a new target ends, ``away`` and ``turn`` from here; None where it needs none."""
+        if not (self._linear.passes(away) or self._angular.passes(turn)):
+            return None
+        turned = compose(transform(matrix_from_rotation_vector(self._angular.brake_way(turn)), _ORIGIN), rotation)
+        return Pose(tuple([p + b for p, b in zip(position, self._linear.brake_way(away))]), rpy_from_matrix(turned))
 
     @property
     def is_at_rest(self) -> bool:
@@ -269,11 +287,16 @@ class PoseServo:
         return _points_of(transform(self._rotation[:9], self._position))
 
     @staticmethod
+    def point_at(pose: Pose) -> Tuple[float, ...]:
+        """Return the point of a pose, comparable with ``measured_point``."""
+        return _points_of(transform(matrix_from_rpy(pose.rpy), pose.position))
+
+    @staticmethod
     def measured_point(state: RobotState) -> Optional[Tuple[float, ...]]:
         """Return the tool's place, m (9,): its centre, and two points beside it that turn with it."""
         if state.tcp_position is None or state.tcp_rpy is None:
             return None
-        return _points_of(transform(matrix_from_rpy(state.tcp_rpy), state.tcp_position))
+        return PoseServo.point_at(Pose(state.tcp_position, state.tcp_rpy))
 
     def next_frame(self) -> ServoPose:
         is_new, self._is_new = self._is_new, False
@@ -282,6 +305,12 @@ class PoseServo:
         turn = self._angular.step(turn_between(self._rotation, self._target_rotation), is_new)
         self._rotation = compose(transform(matrix_from_rotation_vector(turn), _ORIGIN), self._rotation)
         return ServoPose(Pose(self._position, rpy_from_matrix(self._rotation)))
+
+
+def _require_no(trouble: str, passes: bool) -> None:
+    if trouble:
+        raise InvalidCommand("refused: on the way to the servo target%s %s" % (
+            ", or in braking behind it," if passes else "", trouble))
 
 
 def _cycles(ahead: float, period: float) -> int:

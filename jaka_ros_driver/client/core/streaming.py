@@ -1,7 +1,7 @@
 """The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
 import logging
 import math
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Optional, Tuple, Union
 
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
@@ -11,7 +11,7 @@ from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Ru
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
-from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
 
@@ -52,7 +52,7 @@ class Streaming(ArmMotion):
     Attributes:
         has_reserve: Frames are sent ahead where the settings say so.
         late_cycles: Cycles that came too late to be sent.
-        frame_guard: Passes joint frames on, or brakes; None where nobody looks at them one by one.
+        frame_guard: Passes frames on, or brakes; None where nobody looks at them one by one.
     """
 
     has_reserve = False
@@ -111,19 +111,32 @@ class Streaming(ArmMotion):
         """Return what in this state contradicts the stream; None where nothing does."""
         raise NotImplementedError
 
-    def _stand(self) -> Optional[Vector]:
-        """Return where the stream rests if nothing more is asked of it, joints, rad (6,); None where it brakes then."""
-        return None
+    def _joints_of(self, frame: Frame) -> Tuple[Optional[Vector], str]:
+        """Return the joints of a frame, rad (6,), None where nobody knows them, and why it ends the stream, or ""."""
+        return (frame.joint_position if isinstance(frame, ServoJoint) else None), ""
+
+    def _frame_at(self, joints: Vector) -> Tuple[Frame, Vector]:
+        """Return a frame of the brake, at these joints, rad (6,), and its target as ``_sent_point`` has it."""
+        return ServoJoint(joints), joints
 
     def _skipped(self, cycles: int) -> None:
         """Handle that so many cycles came too late."""
 
     def _is_guarded(self, joints: Vector) -> None:
-        """Have the motion guard look at each joint frame from now on.
+        """Have the motion guard look at each frame from now on.
 
         joints: Where the stream begins, at rest, rad (6,).
         """
         self.frame_guard = FrameGuard(self._look, joints)
+
+    def _require_unbraked(self) -> None:
+        """Check that the motion guard does not brake the stream, which then follows nothing more.
+
+        Raises:
+            InvalidCommand: It does; the message has the reason.
+        """
+        if self.frame_guard is not None and self.frame_guard.trouble:
+            raise InvalidCommand("refused: the motion guard brakes this stream: %s" % self.frame_guard.trouble)
 
     def _brakes(self, trouble: str) -> None:
         """Log that the motion guard has the stream brake, for this trouble; no frame of the stream's own follows."""
@@ -252,14 +265,14 @@ class Streaming(ArmMotion):
     def _send_frame(self, now: float) -> None:
         guard = self.frame_guard
         if guard is not None and guard.trouble:
-            point = guard.braked()
-            frame: Frame = ServoJoint(point)
+            frame, point = self._frame_at(guard.braked())
         else:
             frame, point = self._frame(now), self._sent_point()
-            if guard is not None and isinstance(frame, ServoJoint):
-                joints = guard.admitted(frame.joint_position, self._stand())
+            joints, trouble = (None, "") if guard is None else self._joints_of(frame)
+            if guard is not None and (trouble or joints is not None):
+                sent = guard.brakes_for(trouble) if joints is None else guard.admitted(joints)
                 if guard.trouble:
-                    frame, point = ServoJoint(joints), joints
+                    frame, point = self._frame_at(sent)
                     self._brakes(guard.trouble)
         before, self._point = self._point, point
         if len(before) == len(point) and math.dist(before, point) > _SAME_POINT:

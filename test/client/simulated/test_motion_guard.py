@@ -419,46 +419,6 @@ def in_servo(arm, active=True):
     return arm.ended(arm.begin("servo_mode", active))
 
 
-def test_a_servo_stream_into_the_arm_itself_stands_before_it_touches_and_can_go_back():
-    arm = simulated()
-    assert in_servo(arm) is None
-    share, refused = 0.0, ""
-    while not refused:
-        share += 0.002
-        try:
-            arm.target(c.ServoJoint(share_of_the_way(share)))
-        except InvalidCommand as error:
-            refused = str(error)
-        arm.run(CYCLE)
-        assert share < 1.0 and GUARD.nearest(arm.joints).distance >= DEFAULT_MARGIN
-    assert refused.startswith("refused: on the way to the servo target the flange is ")
-    arm.run(0.5)
-    assert near_its_margin(arm) and not arm.core.is_free, "held in servo mode"
-    for step in range(50):
-        arm.target(c.ServoJoint(share_of_the_way(share - 0.002 * (step + 2))))
-        arm.run(CYCLE)
-    assert in_servo(arm, False) is None
-
-
-def test_a_pose_stream_into_a_zone_is_held_before_it():
-    arm = simulated(workspace=LOW_TABLE)
-    assert in_servo(arm) is None
-    arm.run(0.2)
-    here, refused, down = arm.state, "", 0.0
-    while not refused:
-        down += 0.0015
-        x, y, z = here.tcp_position
-        try:
-            arm.target(c.ServoPose(c.Pose((x, y, z - down), here.tcp_rpy)))
-        except InvalidCommand as error:
-            refused = str(error)
-        arm.run(0.016)
-        assert down < 0.3 and LOW_GUARD.nearest(arm.joints).distance >= DEFAULT_MARGIN - 1e-6
-    assert "from the keep-out box 'table'" in refused
-    arm.run(0.5)
-    assert near_its_margin(arm, LOW_GUARD, 0.003)
-
-
 def jogged(arm, wish, seconds):
     """Hold a velocity jog: a message of rest, then this wish every 20 ms."""
     rest = wish._replace(velocity=(0.0,) * 6)

@@ -106,6 +106,7 @@ class SentRules:
         self._kind = ""
         self._target: Any = None
         self._is_target_known = True
+        self._began_at_distance = 0.0
         self._target_at = 0.0
         self._judged_from = 0.0
         self.trajectory = TrajectoryRules()
@@ -259,6 +260,7 @@ class SentRules:
         self._frame = self._target = None
         self.trajectory.begin()
         self._kind, self._is_target_known = "", True
+        self._began_at_distance = self._distance_now()
 
     def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> Call:
         """Return the unanswered call that asks for this motion, after the last stop; nothing is sent twice."""
@@ -276,13 +278,18 @@ class SentRules:
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
                 raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
                     name, index + 1, value))
-        target = tuple(joints)
-        nearest = self._motion_guard.nearest(target)
-        if nearest.distance < DEFAULT_MARGIN - NEARER:
-            before = self._motion_guard.nearest(self._room.controller.state.plant.joint_position)
-            if nearest.distance < before.distance - NEARER_STILL:
-                raise RuleBroken("near", now, "%s takes the arm to where it is %.1f mm from itself" % (
-                    name, 1e3 * nearest.distance))
+        nearest = self._motion_guard.nearest(tuple(joints)).distance
+        if nearest < DEFAULT_MARGIN - NEARER:
+            self._comes_nearer(name, nearest, self._distance_now(), now)
+
+    def _distance_now(self) -> float:
+        """Return the least distance, m, of the simulated arm from itself."""
+        return self._motion_guard.nearest(self._room.controller.state.plant.joint_position).distance
+
+    @staticmethod
+    def _comes_nearer(name: str, nearest: float, before: float, now: float) -> None:
+        if nearest < min(DEFAULT_MARGIN - NEARER, before - NEARER_STILL):
+            raise RuleBroken("near", now, "%s takes the arm to where it is %.1f mm from itself" % (name, 1e3 * nearest))
 
     # ---- servo frames ----
 
@@ -299,6 +306,8 @@ class SentRules:
             self.points.sends(values, now)
         else:
             wire = request["catPosition"]
+            # nobody but the controller knows the joints of a pose before it is there
+            self._comes_nearer(name, self._distance_now(), self._began_at_distance, now)
             values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))
         self._rests_on_target(name, values, now)
         self._frame, self._kind = values, name

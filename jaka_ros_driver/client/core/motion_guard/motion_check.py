@@ -11,13 +11,14 @@ from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, Looks, MotionGuard, 
 from jaka_ros_driver.clearance.workspace import Workspace
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.motion_guard.clear_space import ClearSpace
-from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
+from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard, Look
 from jaka_ros_driver.client.core.motion_guard.joint_corner import JointWay, Way, joint_corners
 from jaka_ros_driver.client.core.motion_guard.line_walk import LineWalk, corner_walks, walk
+from jaka_ros_driver.client.core.motion_guard.pose_guard import PoseGuard
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames, tool_frames
 from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMove, PathCommand, Pose
+from jaka_ros_driver.commands import ArcMove, Jog, JogFrame, JointMove, LinearMove, PathCommand
 from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
@@ -156,28 +157,16 @@ class MotionCheck:
             return None
         return tuple([(new - old) / _STEP_S for new, old in zip(reached, state.joint_position)])
 
-    def pose_look(self, state: RobotState, look: Look) -> Callable[[Pose], str]:
-        """Return the look at the targets of a stream of poses, which follows them from an arm at rest.
+    def pose_guard(self, state: RobotState, look: Look) -> Optional[PoseGuard]:
+        """Return the guard of a stream of poses that begins with an arm at rest; None where nobody looks.
 
-        It returns in words why the arm must not go from one target to the next; "" where it may, or where the joints
-        are not known.
+        Nobody does where the frames are not known, which is logged once.
         """
-        frames, at, act = self.place_of(state).frames, [state.joint_position], self._actor()
-
-        def look_at(pose: Pose) -> str:
-            if frames is None or not self.is_on:
-                self._tell_unknown_frames()
-                return ""
-            reached: List[Vector] = []
-
-            def find() -> str:
-                reached.append(inverse(self._model, frames.flange_at(pose), at[0]))
-                return ""
-            trouble = act(find) or (look((at[0], reached[0])) if reached else "")
-            if reached and not trouble:
-                at[:] = reached
-            return trouble
-        return look_at
+        frames = self.place_of(state).frames
+        if frames is None or not self.is_on:
+            self._tell_unknown_frames()
+            return None
+        return PoseGuard(self._model, frames, FrameGuard(look, state.joint_position), look, self._actor())
 
     def trajectory_trouble(self, path: Path, check: Callable[[], None] = lambda: None) -> str:
         """Return what a trajectory comes too near to, and when; "" where it is clear, or nobody looks.
