@@ -244,8 +244,9 @@ class MotionGuard:
 
     def _reason(self, distance: float, check: _Check) -> str:
         if distance < 0.0:
-            return "%s runs %.0f mm into %s" % (check.first, units.m_to_mm(-distance), check.second)
-        return "%s is %.0f mm from %s; at least %.0f mm are kept" % (
+            return "%s runs %d mm into %s" % (check.first, math.ceil(units.m_to_mm(-distance)), check.second)
+        # rounded down: "10 mm, at least 10 mm" explains nothing
+        return "%s is %d mm from %s; at least %.0f mm are kept" % (
             check.first, units.m_to_mm(distance), check.second, units.m_to_mm(self._margin))
 
 

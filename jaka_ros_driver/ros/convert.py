@@ -48,6 +48,7 @@ VENDOR_KINEMATICS_FAILURE = 9999.0
 
 _Member = TypeVar("_Member", bound=IntEnum)
 _JOINTS = "six joint angles, rad"
+_COORD_MODES = "0 joint, 1 active user frame, 2 tool"
 _QUATERNION_TOLERANCE = 1e-3
 _LONGEST_ROTATION = 2.0 * math.pi
 
@@ -124,7 +125,7 @@ class RequestDecoder:
 
     def jog(self, request: "requests.MoveRequest") -> c.Jog:
         """Decode a Move: speed ``mvvelo``, or ``mvacc`` where that is 0; rad/s, along x, y, z mm/s."""
-        frame = _member("coord_mode", request.coord_mode, c.JogFrame)
+        frame = _member("coord_mode", request.coord_mode, c.JogFrame, _COORD_MODES)
         _whole("index", request.index, 0, 11)
         name = "mvacc" if request.mvvelo == 0.0 and request.mvacc != 0.0 else "mvvelo"
         axis, is_negative = divmod(request.index, 2)
@@ -487,12 +488,12 @@ def _whole(name: str, value: int, low: int, high: int) -> int:
     return int(value)
 
 
-def _member(name: str, value: int, kind: "Type[_Member]") -> "_Member":
+def _member(name: str, value: int, kind: "Type[_Member]", valid: str = "") -> "_Member":
     try:
         return kind(value)
     except ValueError:
-        raise InvalidCommand("%s is %d; valid: %s" % (
-            name, value, ", ".join("%d %s" % (member, member.name.lower()) for member in kind))) from None
+        raise InvalidCommand("%s is %d; valid: %s" % (name, value, valid or ", ".join(
+            ["%d %s" % (member, member.name.lower()) for member in kind]))) from None
 
 
 def _is_digital(signal: str) -> bool:

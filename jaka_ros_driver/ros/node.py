@@ -272,7 +272,8 @@ class DriverNode:
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
-                               self._config.flange_frame, collision_elements(self._model))
+                               self._config.flange_frame,
+                               collision_elements(self._model, self._arm.settings.workspace.tool))
         marker = urdf.splitlines()[1]
         present = rospy.get_param(_DESCRIPTION, "")
         if not present or marker in str(present):

@@ -1,9 +1,7 @@
 """Distances beside those of FCL, the Flexible Collision Library, which shares nothing with ours.
 
-Poses come from kinematics that are written a second time (``dh_oracle``). JAKA_ORACLE_POSES sets the number of random
-poses a model, 100 by default; the figure in docs/motion_guard.md is of 2,000.
+Poses come from kinematics that are written a second time (``dh_oracle``).
 """
-import os
 import random
 
 import dh_oracle
@@ -19,7 +17,8 @@ from jaka_ros_driver.kinematics.rotations import matrix_from_rpy
 
 fcl = second_opinions.imported("fcl")
 
-POSES = int(os.environ.get("JAKA_ORACLE_POSES", "100"))
+POSES = 2000
+"""Random poses of each model."""
 TOLERANCE = 1e-4
 """Largest difference, m."""
 ZONES = {

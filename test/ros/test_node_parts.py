@@ -52,6 +52,13 @@ def test_the_arm_is_enabled_by_itself_where_that_is_wanted(parts, is_wanted):
     assert parts["ArmClient"].return_value.auto_enable.call_count == is_wanted
 
 
+@pytest.mark.parametrize("mode, is_said", [("stop", False), ("warn", True), ("off", True)])
+def test_a_motion_guard_that_refuses_nothing_is_said_at_the_start(parts, caplog, mode, is_said):
+    driver(guard_motion=mode).start()
+    assert ("~guard_motion is %s: a motion that would hit the arm itself or a zone is not refused" % mode
+            in caplog.text) is is_said
+
+
 @pytest.mark.parametrize("present, is_wanted, is_set", [
     ("", True, True), ("", False, False), ("<robot name='of another program'/>", True, False)])
 def test_the_description_is_set_where_there_is_none(parts, present, is_wanted, is_set):

@@ -162,7 +162,7 @@ def test_a_pose_stream_that_runs_out_of_reach_stands_within_it():
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("is_pose", [False, True])
 def test_drawn_streams_never_come_nearer_than_the_margin(is_pose, seed):
-    """Targets at random, fast and slow, straight and round corners, with pauses, in a cell on all sides of the tool."""
+    # targets fast and slow, straight and round corners, with pauses, in a cell on all sides of the tool
     chance = random.Random(seed)
     x, y, z = SimulatedArm(MODEL, HOME, has_all_fields=True).state.tcp_position
     stream = Stream(workspace_of({"keep_out": [

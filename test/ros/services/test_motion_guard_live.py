@@ -2,6 +2,7 @@
 import contextlib
 import math
 import time
+from xml.etree import ElementTree
 
 import pytest
 import rospy
@@ -10,6 +11,7 @@ from driver_bench import HOME, SimulatorProcess
 from waiting import eventually
 
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
+from jaka_ros_driver.clearance.shape import arm_shape
 from jaka_ros_driver.clearance.workspace import workspace_of, workspace_of_text
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.other_messages import message_type
@@ -17,14 +19,16 @@ from jaka_ros_driver.ros.other_messages import message_type
 INTO_THE_BASE = [1.781, -0.866, -2.694, 0.38, 0.163, -3.141]
 SPEED = {"mvvelo": 2.0, "mvacc": 8.0}
 POST = {"name": "post", "foot": [0.2, -0.35, 0.0], "height": 1.0, "radius": 0.05}
-GUARD = MotionGuard(load_model("zu7"), workspace_of({"cylinders": [POST]}))
+NEEDLE = {"name": "needle", "start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.04], "radius": 0.015}
+CELL = {"cylinders": [POST], "tool": [NEEDLE]}
+GUARD = MotionGuard(load_model("zu7"), workspace_of(CELL))
 
 
 @pytest.fixture(scope="module")
 def guarded(ros_node, driven_by, tmp_path_factory):
-    """Start a driver with a post beside the arm."""
+    """Start a driver with a post beside the arm, and a tool."""
     file = tmp_path_factory.mktemp("workspace") / "post.yaml"
-    file.write_text(yaml.safe_dump({"cylinders": [POST]}))
+    file.write_text(yaml.safe_dump(CELL))
     rospy.set_param("/jaka_driver/workspace", str(file))
     try:
         with contextlib.closing(SimulatorProcess("--start", "enabled")) as process, driven_by(process) as arm:
@@ -46,6 +50,14 @@ def zones_shown(arm):
     return {marker.ns for marker in markers} - {"", "arm"}
 
 
+def test_the_description_of_the_arm_carries_the_tool_of_the_file(guarded):
+    links = ElementTree.fromstring(rospy.get_param("/robot_description")).findall("link")
+    named = [[collision.get("name") for collision in link.findall("collision")] for link in links]
+    assert [names for names in named if "needle" in names] == [
+        [capsule.name for capsule in arm_shape(load_model("zu7")).capsules if capsule.frame == 6 for _ in range(3)]
+        + 3 * ["needle"]]
+
+
 def test_a_joint_move_into_the_base_is_refused_with_the_text_and_a_legal_one_goes(guarded):
     refused = guarded.call("joint_move", pose=INTO_THE_BASE, **SPEED)
     assert refused.ret != 1 and "of the way" in refused.message
@@ -62,9 +74,9 @@ def test_a_move_into_a_zone_of_the_file_is_refused(guarded):
 
 
 def test_zones_are_replaced_while_nothing_moves_and_the_next_move_keeps_the_new_ones(guarded):
-    assert zones_shown(guarded) == {"cylinder post"}
+    assert zones_shown(guarded) == {"cylinder post", "tool needle"}
     asked = guarded.call("set_workspace", yaml="")
-    assert asked.ret == 1 and workspace_of_text(asked.yaml) == workspace_of({"cylinders": [POST]})
+    assert asked.ret == 1 and workspace_of_text(asked.yaml) == workspace_of(CELL)
     try:
         table = {"keep_out": [{"name": "table", "centre": [1.0, 0.0, 0.1], "size": [0.2, 1.0, 0.2]}]}
         replaced = guarded.call("set_workspace", yaml=yaml.safe_dump(table))

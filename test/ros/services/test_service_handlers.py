@@ -61,6 +61,13 @@ def handlers(arm, **parameters):
     return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds(), getattr(arm, "shown", []).append)
 
 
+@pytest.mark.parametrize("led, message", [("", "accepted"), ("joint 2 is led to 1 rad", "accepted; joint 2 is led to 1 rad")])
+def test_a_servo_target_that_is_led_inside_the_limits_says_so_in_its_reply(arm, led, message):
+    arm.servo_target = lambda command: led
+    outcome = handlers(arm).servo_target(c.ServoJoint((0.0,) * 6))
+    assert outcome.is_success and outcome.message == message
+
+
 @pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted, id 7")])
 def test_a_move_is_waited_for_as_the_parameter_says_and_its_caller_told_so(arm, blocking, message):
     outcome = handlers(arm, blocking=blocking).move(MOVE)

@@ -155,6 +155,16 @@ def test_what_ends_a_trajectory_ends_its_goal_once_with_the_code_for_it(server, 
     assert outcome is None or handle.ends[0][2] == str(outcome)
 
 
+@pytest.mark.parametrize("led, text", [
+    ("joint 3 is led to 2.617 rad, not to 2.618 rad", "the arm rests at the last point; joint 3 is led to 2.617 rad, "
+                                                      "not to 2.618 rad"),
+    ("", "the arm rests at the last point")])
+def test_a_goal_that_was_led_inside_the_limits_says_so_in_its_result(server, arm, led, text):
+    handle = begun(server, arm)
+    arm.goals[0].set_result(led)
+    assert handle.end() == ("succeeded", action.SUCCESSFUL, text)
+
+
 def test_a_cancelled_goal_brakes_the_arm_and_no_other(server, arm):
     first = begun(server, arm, 1)
     second = begun(server, arm, 2)

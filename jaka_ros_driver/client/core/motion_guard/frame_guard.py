@@ -14,7 +14,7 @@ _ROUNDING = 1e-9
 
 
 def brake_end(before: Vector, joints: Vector) -> Vector:
-    """Return where an arm comes to stand that is sent these joints after those before, one cycle apart, and then brakes.
+    """Return where an arm stands that is sent these joints after those before, one cycle apart, and then brakes.
 
     All joints brake alike, so that it stays on the straight line, and the fastest one with its acceleration, rad (6,).
     """
