@@ -171,8 +171,8 @@ class JointServo:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
-        passes = any([follower.passes((value - position,), self._room(index)) for index, (value, position, follower)
-                      in enumerate(zip(goal, self._position, self._followers))])
+        passes = any(follower.passes((value - position,), self._room(index)) for index, (value, position, follower)
+                     in enumerate(zip(goal, self._position, self._followers)))
         end = (brake_end(self._position, goal),) if passes else ()
         _require_no(self._look((self._position, goal, *end)), passes)
         self._target, self._is_new = goal, True
@@ -268,7 +268,7 @@ class PoseServo:
 
     def _pose_behind(self, position: Vector, away: Sequence[float], rotation: Transform,
                      turn: Sequence[float]) -> Optional[Pose]:
-        """Return where the brake behind a new target ends, ``away`` and ``turn`` from here; None where it needs none."""
+        """Return where the brake ends behind a new target, ``away`` and ``turn`` from here; None where it needs none."""
         if not (self._linear.passes(away) or self._angular.passes(turn)):
             return None
         turned = compose(transform(matrix_from_rotation_vector(self._angular.brake_way(turn)), _ORIGIN), rotation)

@@ -109,6 +109,7 @@ class Judge:
         self._awake_since = now
         self._asleep_for = 0.0
         self._paused_for = 0.0
+        self._resumed_by = 0
         self._unowned_since: Optional[float] = None
         self._untold_from: Optional[Vector] = None
         self._loose_since = now
@@ -234,6 +235,7 @@ class Judge:
             self.sent.jog.ended(self._clock.now)
         if call.command == ("resume", None):
             self._quiet = [quiet for quiet in self._quiet if quiet.rule != "p"]
+            self._resumed_by = call.number
         self._stops_before = self.sent.stops_seen
         self._stop_is_owed = (call.kind == "stop" and self.driver.cables[Port.COMMAND] is not None
                               and (not self._settings.simulator or self.sent.knows_controller))
@@ -280,7 +282,7 @@ class Judge:
             self._jog_word_at = now
         elif call.kind in ("move", "trajectory", "path") and call.waits and call.error is None:
             self._is_completed(call, now)
-        elif call.command == ("pause", None) and call.error is None:
+        elif call.command == ("pause", None) and call.error is None and call.number > self._resumed_by:
             self._is_quiet(_Quiet(now + PAUSE_SLACK, call.number, "p", "after %s was answered" % call))
         if call.kind == "path":
             told_truly(call, now)
