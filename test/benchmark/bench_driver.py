@@ -31,9 +31,14 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from waiting import InBackground, eventually  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
+from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
+from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
+from jaka_ros_driver.kinematics.rotations import rpy_from_matrix  # noqa: E402
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402
 from jaka_ros_driver.wire.log import WireEvent, read_log  # noqa: E402
 
+_FLANGE = forward(load_model("zu7"), tuple(HOME))
+HOME_POSE = [*_FLANGE[9:], *rpy_from_matrix(_FLANGE)]
 TOPICS = {"tool_position": TwistStamped, "joint_position": JointState, "robot_states": RobotMsg}
 STOPS = 30
 BARE_PUBLISHER = """
@@ -137,15 +142,18 @@ def measure_stops(arm):
 
 
 def measure_servo(arm):
-    """Return the calls a second flat out, and the share of 250 Hz calls that were in time."""
-    assert arm.call("servo_move_enable", enable=True).ret == 1
-    took, began = [], time.monotonic()
-    while time.monotonic() - began < 5.0:
-        start = time.monotonic()
-        assert arm.call("servo_j", pose=HOME).ret == 1
-        took.append(time.monotonic() - start)
-    print_row("servo_j, persistent, back to back", "%.0f calls/s" % (len(took) / 5.0),
-              "p99 " + ms(percentile(took, 0.99)))
+    """Print the calls a second flat out, of joints and of poses, and the share of 250 Hz calls that were in time."""
+    for service, target in (("servo_p", HOME_POSE), ("servo_j", HOME)):
+        assert arm.call("servo_move_enable", enable=True).ret == 1
+        took, began = [], time.monotonic()
+        while time.monotonic() - began < 5.0:
+            start = time.monotonic()
+            assert arm.call(service, pose=target).ret == 1
+            took.append(time.monotonic() - start)
+        print_row(service + ", persistent, back to back", "%.0f calls/s" % (len(took) / 5.0),
+                  "p99 " + ms(percentile(took, 0.99)))
+        if service == "servo_p":
+            assert arm.call("servo_move_enable", enable=False).ret == 1
     for rate in (125, 250):
         due, late = time.monotonic(), []
         for _ in range(5 * rate):

@@ -52,6 +52,9 @@ class _Follower:
     So a smooth stream is passed on as it is, and the last target is reached without passing it, where its client did
     not stop in the middle of fast motion. A limit is not passed then either: with ``room``, the distances to the limits
     below and above, a target is taken at once only where braking afterwards ends within them.
+
+    Attributes:
+        last_step: Longest step behind which it stands at once, rad or m.
     """
 
     def __init__(self, max_speed: float, acceleration: float, period: float) -> None:
@@ -59,6 +62,7 @@ class _Follower:
         self._max_change = acceleration * period
         self._acceleration = acceleration
         self._period = period
+        self.last_step = acceleration * period * period
         self._velocity: Tuple[float, ...] = ()
 
     def step(self, away: Sequence[float], is_new: bool, room: Room = _NO_LIMITS) -> Vector:
@@ -82,14 +86,13 @@ class _Follower:
 
     def passes(self, away: Sequence[float], room: Room = _NO_LIMITS) -> bool:
         """Return whether a new target that is ``away`` from here is reached at once, and too fast to stand there."""
-        wanted = tuple([a / self._period for a in away])
-        return math.hypot(*wanted) > self._max_change and self._takes_at_once(wanted, room)
+        return math.hypot(*away) > self.last_step and self._takes_at_once(tuple([a / self._period for a in away]), room)
 
     def brake_way(self, away: Sequence[float]) -> Vector:
         """Return the way of the brake behind a new target that is ``away`` from here; none where it can stand there."""
         if not self.passes(away):
             return (0.0,) * len(away)
-        changes = math.hypot(*away) / (self._max_change * self._period)
+        changes = math.hypot(*away) / self.last_step
         cycles = int(changes)
         return tuple([(cycles - 0.5 * cycles * (cycles + 1) / changes) * a for a in away])
 
@@ -162,8 +165,10 @@ class JointServo:
         """
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
         goal, led = (goal, "") if are_inside(goal, self._limits) else self._led(goal)
+        is_fast = False
         for index, (value, position, follower) in enumerate(zip(goal, self._position, self._followers)):
             jump = abs(value - position)
+            is_fast = is_fast or jump > follower.last_step
             if jump > self._max_jump + _WIRE_ROUNDING:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away, more than the allowed "
                                      "%.4f rad" % (index + 1, jump, self._max_jump))
@@ -171,8 +176,8 @@ class JointServo:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
-        passes = any(follower.passes((value - position,), self._room(index)) for index, (value, position, follower)
-                     in enumerate(zip(goal, self._position, self._followers)))
+        passes = is_fast and any(follower.passes((value - position,), self._room(index)) for index, (
+            value, position, follower) in enumerate(zip(goal, self._position, self._followers)))
         end = (brake_end(self._position, goal),) if passes else ()
         _require_no(self._look((self._position, goal, *end)), passes)
         self._target, self._is_new = goal, True
@@ -268,7 +273,7 @@ class PoseServo:
 
     def _pose_behind(self, position: Vector, away: Sequence[float], rotation: Transform,
                      turn: Sequence[float]) -> Optional[Pose]:
-        """Return where the brake ends behind a new target, ``away`` and ``turn`` from here; None where it needs none."""
+        """Return where the brake behind a new target ends, ``away`` and ``turn`` from here; None for no brake."""
         if not (self._linear.passes(away) or self._angular.passes(turn)):
             return None
         turned = compose(transform(matrix_from_rotation_vector(self._angular.brake_way(turn)), _ORIGIN), rotation)

@@ -1,14 +1,18 @@
 """The guard of a stream of poses: the driver's own inverse kinematics gives the joints of each target and frame."""
+import math
 from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.motion_guard.frame_guard import FrameGuard, Look, brake_end
 from jaka_ros_driver.client.core.motion_guard.tool_frames import ToolFrames
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import UnreachablePose
-from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.inverse import inverse
 from jaka_ros_driver.kinematics.rotations import pose_from_transform
 from jaka_ros_driver.state import Vector
+
+_SAME = 1e-9
+"""Distance, m and rad together, up to which two poses are one: rounding."""
 
 
 class PoseGuard:
@@ -30,6 +34,7 @@ class PoseGuard:
             act: Returns the trouble that it finds where motions are refused for it; "" where that is only logged.
         """
         self._model, self._tool_frames, self.frames, self._look, self._act = model, tool_frames, frames, look, act
+        self._solved: Tuple[Vector, Vector] = ((math.inf,) * JOINT_COUNT, frames.joints)
 
     def target_trouble(self, pose: Pose, end: Optional[Pose]) -> str:
         """Return in words why the arm must not go from the last frame to this target; "" where it may.
@@ -42,18 +47,25 @@ class PoseGuard:
             return trouble
         if end is None:
             return self._look((here, joints))
+        solved = self._solved
         stand, trouble = self.joints_of(end)
+        self._solved = solved
         if stand is None or trouble:
             return trouble
         return self._look((here, joints, stand)) or self._look((here, joints, brake_end(here, joints)))
 
     def joints_of(self, pose: Pose) -> Tuple[Optional[Vector], str]:
         """Return the joints of a frame, rad (6,), None where it is out of reach, and why that ends the stream."""
+        place = (*pose.position, *pose.rpy)
+        if math.dist(place, self._solved[0]) <= _SAME:  # the frame that takes a target up at once
+            return self._solved[1], ""
         try:
-            return inverse(self._model, self._tool_frames.flange_at(pose), self.frames.joints), ""
+            joints = inverse(self._model, self._tool_frames.flange_at(pose), self.frames.joints)
         except UnreachablePose as error:
             text = str(error)
             return None, self._act(lambda: text)
+        self._solved = place, joints
+        return joints, ""
 
     def pose_at(self, joints: Vector) -> Pose:
         """Return the pose of the tool in the user frame at these joints, rad (6,)."""
