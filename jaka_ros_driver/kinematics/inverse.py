@@ -94,7 +94,7 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
 
 
 def _followed(model: ArmModel, target: Transform, reference: Vector, best: Optional[Vector]) -> Optional[Vector]:
-    """Return the nearest joints within the limits, rad (6,), of ``best`` and of what is found from the reference itself.
+    """Return the nearest joints within the limits, rad (6,), of ``best`` and what is found from the reference itself.
 
     Beside a stretched elbow the structure's branches, from which the real table's are refined, may be none, or may all
     lead to one side of the elbow; so the second search begins on the other side of what the first one found.
