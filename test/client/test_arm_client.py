@@ -13,6 +13,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import HOME
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 
 def joint_move(first=0.3, speed=1.0, acceleration=4.0):
@@ -76,6 +77,30 @@ def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench, 
     # The error depends on how far the call had come.
     assert isinstance(move.failure(), (MotionInterrupted, InvalidCommand, ConnectionLost)) and arm.motion_owner is None
     assert len(one.times_of("joint_move")) == 1
+
+
+def test_a_trajectory_is_joined_by_the_next_one_and_that_is_cancelled_beside_the_clients_thread(bench):
+    arm = bench().connect(**PATIENT)
+
+    def follow(first, seconds):
+        points = (TrajectoryPoint(seconds, (first,) + HOME[1:], (0.0,) * 6),)
+        return arm.follow(JointTrajectory(points), TrajectoryTolerances((None,) * 6, (0.01,) * 6, 5.0))
+
+    def is_beyond(first):
+        return arm.state.joint_position[0] > first
+    first = follow(0.5, 2.0)
+    assert eventually(lambda: is_beyond(0.05))
+    second = follow(0.9, 6.0)
+    with pytest.raises(MotionInterrupted) as caught:
+        first.result(20.0)
+    assert caught.value.cause is StopCause.REPLACED
+    assert eventually(lambda: is_beyond(0.15))
+    assert arm.cancel_trajectory(second)
+    with pytest.raises(MotionInterrupted) as caught:
+        second.result(20.0)
+    assert caught.value.cause is StopCause.CANCELLED and not is_beyond(0.85)
+    follow(0.3, 2.0).result(20.0)
+    assert arm.state.joint_position[0] == pytest.approx(0.3, abs=1e-3) and arm.motion_owner is None
 
 
 def test_a_call_is_served_when_it_is_due_however_long_the_thread_was_to_wait(monkeypatch):

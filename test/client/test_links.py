@@ -14,7 +14,7 @@ from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core import link
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, ReplyTimeout, StopCause
+from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
@@ -59,22 +59,6 @@ def test_the_client_may_start_before_the_controller(bench):
     with pytest.raises(ConnectionLost):
         arm.move(SLOW_MOVE)
     assert eventually(lambda: arm.is_ready)
-
-
-@pytest.mark.parametrize("port", ["command", "status"])
-def test_a_link_lost_in_mid_move_ends_the_move_and_stops_the_arm(bench, call, port):
-    one = bench()
-    arm = one.connect()
-    move = call(arm.move, SLOW_MOVE)
-    assert eventually(one.is_moving)
-    lost_at = time.monotonic()
-    one.panel("close", port=port)
-    assert move.failure().cause is StopCause.LINK_LOST
-    assert move.ended_at - lost_at < 5.0, "the move itself takes 15 s"
-    assert eventually(lambda: not one.is_moving())
-    assert eventually(lambda: arm.is_ready)
-    time.sleep(0.3)  # what must not come has no other sign
-    assert len(one.times_of("joint_move")) == 1 and len(one.times_of("stop_program")) == 1
 
 
 @pytest.mark.parametrize("start", ["jog", "servo"])
@@ -304,21 +288,6 @@ def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench, monkeypatch):
     assert max(descriptors[-5:]) <= max(descriptors[:5]) + 4
 
 
-def test_after_a_reboot_in_mid_move_nothing_resumes(bench, call):
-    one = bench(power_delay=0.1, enable_delay=0.1)
-    arm = one.connect()
-    move = call(arm.move, SLOW_MOVE)
-    assert eventually(one.is_moving)
-    one.panel("reboot", down=0.5)
-    assert move.failure().cause in (StopCause.LINK_LOST, StopCause.NOT_ENABLED)
-    assert eventually(lambda: arm.is_ready)
-    with pytest.raises(InvalidCommand, match="no power"):
-        arm.move(SLOW_MOVE)
-    time.sleep(0.5)  # what must not come has no other sign
-    names = [request["cmdName"] for _, request in one.received()]
-    assert names.count("joint_move") == 1 and NEVER_BY_ITSELF.isdisjoint(names)
-
-
 def test_two_drivers_of_one_controller_give_way_and_each_says_that_there_is_another(bench):
     one = bench(single_client="replace")
     first = one.connect()
@@ -332,9 +301,6 @@ def test_two_drivers_of_one_controller_give_way_and_each_says_that_there_is_anot
             said.update(arm for arm in (first, second) if "another client" in arm.link_health.last_error)
             return len(said) == 2
         assert eventually(each_has_said_so)
-        before = first.link_health.connections + second.link_health.connections
-        time.sleep(2.5)  # the time over which connections are counted; without giving way one ends each 0.5 s at least
-        assert first.link_health.connections + second.link_health.connections - before <= 4
 
         def is_refused_and_says_why(arm):
             try:

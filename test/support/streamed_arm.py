@@ -1,7 +1,12 @@
 """The simulated arm behind streams of frames: trajectories and velocity jogs, and what each cycle did with the arm."""
+import contextlib
+import types
+from concurrent.futures import Future
+
 import numpy as np
 from simulated_arm import START_TOLERANCE, SimulatedArm
 
+from jaka_ros_driver.client import arm_client
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
@@ -48,8 +53,48 @@ class StreamedArm(SimulatedArm):
         """Return the highest acceleration of a joint, rad/s2."""
         return float(self.accelerations().max())
 
+    def moved_frames(self):
+        """Return when each frame was sent that leads elsewhere than the one before it, s (n,)."""
+        return [at for (at, place), (_, before) in zip(self.frames[1:], self.frames) if place != before]
+
+    def _answer(self, action):
+        if not isinstance(action.call, Future):
+            super()._answer(action)
+        elif action.error is None:
+            action.call.set_result(action.result)
+        else:
+            action.call.set_exception(action.error)
+
     def _moving(self):
         """Return the joints' velocities, rad/s (n, 6), from the first cycle that moves the arm to the last."""
         velocities = np.diff(np.array(self.places), axis=0) / CYCLE_TIME_S
         moved = np.flatnonzero(np.abs(velocities).max(axis=1) > 0.0)
         return velocities[moved.min():moved.max() + 1]
+
+
+class StreamedClient(arm_client.ArmClient):
+    """The calls of an ``ArmClient`` for an arm in virtual time, without its thread and its sockets."""
+
+    def __init__(self, arm, model):
+        """Take the arm's driver over; ``streamed_client`` gives it the arm's time."""
+        super().__init__(arm.core.settings, model)
+        self._arm, self._core = arm, arm.core
+
+    def _perform(self):
+        self._arm.act(lambda now: None)
+
+    def _call(self, enter):
+        call = self._begin(enter)
+        self._arm.until(call.done)
+        return call.result()
+
+
+@contextlib.contextmanager
+def streamed_client(arm, model, monkeypatch):
+    """Yield the client of an arm, which reads the arm's clock; close it in the end."""
+    monkeypatch.setattr(arm_client, "time", types.SimpleNamespace(monotonic=lambda: arm.now))
+    client = StreamedClient(arm, model)
+    try:
+        yield client
+    finally:
+        client.close()

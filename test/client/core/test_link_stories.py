@@ -239,6 +239,29 @@ def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
     assert sum("giving way" in text for text in story.log) == 1
 
 
+def test_two_drivers_of_one_controller_give_way_to_each_other_and_each_says_that_there_is_another():
+    drivers = [Story(), Story()]
+    drivers[1].core.closed(Port.COMMAND, "closed by the controller", drivers[1].now)
+    seen = [len(driver.asked_to_connect) for driver in drivers]
+    said_at, connected = {}, []
+    while drivers[0].now < 160.0:
+        for number, driver in enumerate(drivers):
+            driver.run(0.008)
+            new, seen[number] = driver.asked_to_connect[seen[number]:], len(driver.asked_to_connect)
+            if any(action == Open(Port.COMMAND) for _, action in new):  # the port is the last one's that connects
+                connected.append(driver.now)
+                driver.core.opened(Port.COMMAND, driver.now)
+                driver.perform()
+                other = drivers[1 - number]
+                other.core.closed(Port.COMMAND, "closed by the controller", other.now)
+                other.perform()
+            if "another client" in driver.core.links.health().last_error:
+                said_at.setdefault(number, driver.now)
+    assert len(said_at) == 2 and max(said_at.values()) < 103.0
+    pauses = [b - a for a, b in zip(connected, connected[1:]) if b >= max(said_at.values())]
+    assert pauses[1:] == pytest.approx([2.0, 2.0, 4.0, 4.0, 8.0, 8.0, 10.0, 10.0], abs=0.05)
+
+
 def test_a_controller_that_still_holds_a_connection_which_the_driver_has_dropped_is_no_other_client():
     # it serves its first client only, and ends each new one until it knows that the first has left
     story = Story()

@@ -3,12 +3,10 @@ import math
 
 import numpy as np
 import pytest
-from simulated_arm import Call
-from streamed_arm import REST, TOLERANCES, StreamedArm
+from streamed_arm import REST, TOLERANCES, StreamedArm, streamed_client
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.clearance.guard import DEFAULT_MARGIN, MotionGuard
-from jaka_ros_driver.client import arm_client
 from jaka_ros_driver.client.core.point_stream import StreamPoint
 from jaka_ros_driver.client.core.procedures.pausing import pause, resume
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
@@ -194,34 +192,20 @@ def test_a_trajectory_joins_another_and_ends_at_its_target(ahead):
     assert arm.halts() == 0 and arm.hardest() <= 1.03 * JOINT_ACCELERATION_CEILING
 
 
-class Shell:
-    """The part of the client that begins a trajectory, around the core of an arm in virtual time."""
-
-    def __init__(self, arm):
-        self._arm, self._core, self.model = arm, arm.core, MODEL
-
-    def _call(self, ask):
-        return self._begin(ask).result
-
-    def _begin(self, ask):
-        call = Call()
-        self._arm.act(lambda now: ask(call, now))
-        return call
-
-
 @pytest.mark.parametrize("ahead", AHEAD)
 @pytest.mark.parametrize("in_future", [0.5, -0.3])
 def test_a_trajectory_that_joins_another_keeps_the_time_of_its_stamp(ahead, in_future, monkeypatch):
     arm = simulated(ahead)
     arm.begin_trajectory(TrajectoryPoint(3.0, END, REST))
     arm.run(0.6)
-    monkeypatch.setattr(arm_client.time, "monotonic", lambda: arm.now)
     starts_at = arm.now + in_future
     points = tuple(TrajectoryPoint(at, (way, *HOME[1:]), REST) for at, way in ((1.0, 0.3), (2.0, 0.7)))
-    call = arm_client.ArmClient._try_to_follow(Shell(arm), JointTrajectory(points, starts_at), TOLERANCES, 0, 0.016)
-    arm.run(starts_at + 1.5 - arm.now)
-    assert arm.joints[0] == pytest.approx(0.5, abs=0.6 * 1.01 * 2 * CYCLE)
-    assert arm.ended(call) is None
+    with streamed_client(arm, MODEL, monkeypatch) as client:
+        goal = client.follow(JointTrajectory(points, starts_at), TOLERANCES)
+        arm.run(starts_at + 1.5 - arm.now)
+        assert arm.joints[0] == pytest.approx(0.5, abs=0.6 * 1.01 * 2 * CYCLE)
+        arm.until(goal.done)
+        assert goal.exception() is None
 
 
 def test_targets_and_points_of_a_client_have_no_reserve():
