@@ -6,7 +6,7 @@ import threading
 import time
 import weakref
 from concurrent.futures import Future
-from typing import Any, Callable, Iterator, List, Optional, Sequence, Union
+from typing import Any, Callable, Iterator, List, Optional, Sequence, Union, cast
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop
@@ -592,7 +592,8 @@ class ArmClient:
 
 def _end(answer: Answer) -> None:
     """Complete the future of a call, so that the waiting thread continues."""
+    call = cast("Future[Any]", answer.call)  # the only tokens that this client gives the core
     if answer.error is None:
-        answer.call.set_result(answer.result)
+        call.set_result(answer.result)
     else:
-        answer.call.set_exception(answer.error)
+        call.set_exception(answer.error)

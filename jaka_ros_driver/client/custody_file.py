@@ -9,7 +9,7 @@ import logging
 import os
 import threading
 import time
-from typing import Any, List, NamedTuple, Optional
+from typing import List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
@@ -118,7 +118,7 @@ class CustodyKeeper:
                     _LOG.warning("what this driver moves cannot be noted on disk, for a driver that would have to "
                                  "stop it after this one's death: %s", error)
 
-    def _next(self) -> Any:
+    def _next(self) -> "Union[CustodyKeeper, Optional[LeftMotion]]":
         """Wait for the newest custody that was not written yet, and return it; return the keeper itself at the end."""
         with self._news:
             self._news.wait_for(lambda: self._is_due or self._is_closing)

@@ -215,7 +215,7 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Mapping[str, str]) -> ArmModel:
+def _model_from_entry(name: str, entry: Mapping[str, object], confidence_words: Mapping[str, str]) -> ArmModel:
     known = _REQUIRED_KEYS + _OPTIONAL_KEYS + _NOTED_KEYS
     for key in _REQUIRED_KEYS:
         if key not in entry:
@@ -251,28 +251,28 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
         note=_text(entry, "note", "") if entry.get("note") else "", sources=tuple(sources), **optional)
 
 
-def _text(entry: Mapping[str, Any], key: str, default: str) -> str:
+def _text(entry: Mapping[str, object], key: str, default: str) -> str:
     value = entry.get(key, default)
     if not isinstance(value, str):
         raise InvalidCommand("%s is %s; it must be a text" % (key, short(value)))
     return value
 
 
-def _number(what: str, value: Any) -> float:
+def _number(what: str, value: object) -> float:
     number = float(value) if isinstance(value, float) or type(value) is int and abs(value) < 1e300 else math.nan
     if not math.isfinite(number):
         raise InvalidCommand("%s is %s; it must be a finite number" % (what, short(value)))
     return number
 
 
-def _positive(what: str, value: Any) -> float:
+def _positive(what: str, value: object) -> float:
     number = _number(what, value)
     if number <= 0.0:
         raise InvalidCommand("%s is %r; it must be above 0" % (what, value))
     return number
 
 
-def _list(entry: Mapping[str, Any], key: str, length: int) -> List[Any]:
+def _list(entry: Mapping[str, object], key: str, length: int) -> List[object]:
     value = entry[key]
     if not isinstance(value, list) or len(value) != length:
         raise InvalidCommand("%s must be a list of %d, not %s" % (
@@ -280,12 +280,12 @@ def _list(entry: Mapping[str, Any], key: str, length: int) -> List[Any]:
     return value
 
 
-def _rates(entry: Mapping[str, Any], key: str) -> Vector:
+def _rates(entry: Mapping[str, object], key: str) -> Vector:
     return tuple(units.deg_to_rad(_positive("%s of joint %d" % (key, n + 1), value))
                  for n, value in enumerate(_list(entry, key, JOINT_COUNT)))
 
 
-def _dh_row(what: str, row: Any) -> DhRow:
+def _dh_row(what: str, row: object) -> DhRow:
     if not isinstance(row, dict):
         raise InvalidCommand("%s is %s; it must be a mapping with a, d, alpha, theta_offset" % (what, short(row)))
     for key in ("a", "d", "alpha"):
@@ -300,7 +300,7 @@ def _dh_row(what: str, row: Any) -> DhRow:
         theta_offset=_number(what + ": theta_offset", row.get("theta_offset", 0.0)))
 
 
-def _limit_pair(what: str, pair: Any) -> Tuple[float, float]:
+def _limit_pair(what: str, pair: object) -> Tuple[float, float]:
     if not isinstance(pair, list) or len(pair) != 2:
         raise InvalidCommand("%s is %s; it must be [low, high]" % (what, short(pair)))
     low, high = _number(what, pair[0]), _number(what, pair[1])

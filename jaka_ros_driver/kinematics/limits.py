@@ -3,9 +3,10 @@
 Each command class has a checker; a command without one is refused, so that none is sent unchecked. Where a value may
 come from a float32 (the ROS interface), its bound is widened by ``FLOAT32_SLACK``.
 """
+import enum
 import math
 import numbers
-from typing import Any, Callable, Dict, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Optional, Sequence, Tuple, Type, TypeVar, Union, cast
 
 from jaka_ros_driver import commands
 from jaka_ros_driver.commands import JogFrame, Pose
@@ -71,7 +72,9 @@ _LED = 2e-6
 """Distance, rad, above which a target that is led elsewhere is worth a word; targets come as float32."""
 JointRanges = Tuple[Tuple[float, float], ...]
 """Lowest and highest position of each joint, rad."""
-Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
+C = TypeVar("C")
+Checker = Callable[[C, ArmModel, Optional[RobotState]], None]
+FieldCheck = Callable[[str, object], object]
 
 
 def check(command: commands.Command, model: ArmModel, state: Optional[RobotState] = None) -> None:
@@ -183,7 +186,7 @@ def jog_speed_limit(command: commands.Jog, model: ArmModel) -> float:
     return tcp_speed_limit(model) if command.is_linear else joint_speed_limit(model)
 
 
-def _is_finite(value: Any) -> bool:
+def _is_finite(value: object) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -194,55 +197,57 @@ def _is_finite(value: Any) -> bool:
         return False
 
 
-def _finite(name: str, value: Any, unit: str) -> None:
+def _finite(name: str, value: object, unit: str) -> float:
     if not _is_finite(value):
         raise InvalidCommand("%s is %.60r; it must be a finite number%s"
                              % (name, value, " in " + unit if unit else ""))
+    return cast(float, value)  # any real number is compared and written as a float is
 
 
-def _number(name: str, value: Any, low: float, high: float, unit: str) -> None:
-    _finite(name, value, unit)
-    if low <= value <= high:
+def _number(name: str, value: object, low: float, high: float, unit: str) -> None:
+    number = _finite(name, value, unit)
+    if low <= number <= high:
         return
-    if not low - FLOAT32_SLACK * abs(low) <= value <= high + FLOAT32_SLACK * abs(high):
+    if not low - FLOAT32_SLACK * abs(low) <= number <= high + FLOAT32_SLACK * abs(high):
         raise InvalidCommand("%s is %.9g%s; valid: %.9g to %.9g%s"
-                             % (name, value, _unit(unit), low, high, _unit(unit)))
+                             % (name, number, _unit(unit), low, high, _unit(unit)))
 
 
 def _unit(unit: str) -> str:
     return " " + unit if unit else ""
 
 
-def _integer(name: str, value: Any, low: int, high: int) -> None:
+def _integer(name: str, value: object, low: int, high: int) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         raise InvalidCommand("%s is %.60r; valid: a whole number, %d to %d" % (name, value, low, high))
 
 
-def _flag(name: str, value: Any) -> None:
+def _flag(name: str, value: object) -> None:
     if not isinstance(value, bool):
         raise InvalidCommand("%s is %r; valid: True or False" % (name, value))
 
 
-def _text(name: str, value: Any) -> None:
+def _text(name: str, value: object) -> str:
     if not isinstance(value, str):
         raise InvalidCommand("%s is %r; it must be text" % (name, value))
+    return value
 
 
-def _program_name(name: str, value: Any) -> None:
+def _program_name(name: str, value: object) -> None:
     """Raise unless this names a file of the controller's own folder: no path, and nothing unprintable."""
-    _text(name, value)
-    if not 0 < len(value) <= LONGEST_PROGRAM_NAME or not value.isprintable() or value.strip() != value \
-            or "/" in value or "\\" in value or value.startswith("."):
+    text = _text(name, value)
+    if not 0 < len(text) <= LONGEST_PROGRAM_NAME or not text.isprintable() or text.strip() != text \
+            or "/" in text or "\\" in text or text.startswith("."):
         raise InvalidCommand("%s is %.60r; valid: the name of a program file, 1 to %d printable characters, without "
-                             "folder" % (name, value, LONGEST_PROGRAM_NAME))
+                             "folder" % (name, text, LONGEST_PROGRAM_NAME))
 
 
-def _member(name: str, value: Any, kind: Any) -> None:
+def _member(name: str, value: object, kind: Type[enum.IntEnum]) -> None:
     if not isinstance(value, kind):
         raise InvalidCommand("%s is %r; valid: %s" % (name, value, ", ".join("%s (%d)" % (k.name, k) for k in kind)))
 
 
-def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> None:
+def _vector(name: str, values: object, length: int, bound: float, unit: str) -> None:
     """Raise unless these are ``length`` finite numbers, each between -bound and bound."""
     if not isinstance(values, (tuple, list)) or len(values) != length:
         raise InvalidCommand("%s is %.200r; it must be %d numbers in %s" % (name, values, length, unit))
@@ -251,7 +256,7 @@ def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> Non
             _number("%s[%d]" % (name, n), value, -bound, bound, unit)
 
 
-def _pose(name: str, pose: Any) -> None:
+def _pose(name: str, pose: object) -> None:
     if not isinstance(pose, Pose):
         raise InvalidCommand("%s is %r; it must be a Pose" % (name, pose))
     _vector(name + ".position", pose.position, 3, POSITION_LIMIT, "m")
@@ -335,32 +340,32 @@ def _servo_pose(command: commands.ServoPose, model: ArmModel, state: Optional[Ro
     _enabled("servo target", state)
 
 
-def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+def _jog_axis(command: Union[commands.Jog, commands.JogStop], model: ArmModel, state: Optional[RobotState]) -> None:
     _member("frame", command.frame, JogFrame)
     _integer("axis", command.axis, 0, 5)
 
 
-def _fields(**checks: Callable[[str, Any], None]) -> Checker:
+def _fields(**checks: FieldCheck) -> Checker[object]:
     """Return a checker of a command whose fields do not depend on model and state: each has its own function."""
-    def check_all(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+    def check_all(command: object, model: ArmModel, state: Optional[RobotState]) -> None:
         for name, check_one in checks.items():
             check_one(name, getattr(command, name))
     return check_all
 
 
-def _whole(low: int, high: int) -> Callable[[str, Any], None]:
+def _whole(low: int, high: int) -> FieldCheck:
     return lambda name, value: _integer(name, value, low, high)
 
 
-def _within(bounds: Tuple[float, float], unit: str) -> Callable[[str, Any], None]:
+def _within(bounds: Tuple[float, float], unit: str) -> FieldCheck:
     return lambda name, value: _number(name, value, bounds[0], bounds[1], unit)
 
 
-def _numbers(length: int, bound: float, unit: str) -> Callable[[str, Any], None]:
+def _numbers(length: int, bound: float, unit: str) -> FieldCheck:
     return lambda name, values: _vector(name, values, length, bound, unit)
 
 
-def _bank(name: str, value: Any) -> None:
+def _bank(name: str, value: object) -> None:
     if not isinstance(value, FieldBus):
         _member(name, value, IoBank)
 
@@ -374,7 +379,7 @@ def _analog_output(command: commands.SetAnalogOutput, model: ArmModel, state: Op
         _number("value", command.value, -ANALOG_LIMIT, ANALOG_LIMIT, "V or mA")
 
 
-_CHECKERS: Dict[type, Checker] = {
+_CHECKERS: Dict[type, Checker[Any]] = {
     commands.JointMove: _joint_move,
     commands.LinearMove: _linear_move,
     commands.ArcMove: _arc_move,

@@ -158,7 +158,7 @@ OF_KINEMATICS: Tuple[Mutant, ...] = (
     Mutant("a target out of reach is stretched for", "kinematics/closed_forms.py",
            "if distance > upper + fore + CLAMP_TOLERANCE:", "if False:", INVERSE),
     Mutant("upper limits are not checked", "kinematics/limits.py",
-           "    if low <= value <= high:\n        return\n", "    if low <= value:\n        return\n", LIMITS),
+           "    if low <= number <= high:\n        return\n", "    if low <= number:\n        return\n", LIMITS),
     Mutant("a speed is taken at which nothing is seen to move", "kinematics/limits.py", "SLOWEST = 5e-4",
            "SLOWEST = 0.0", LIMITS),
     Mutant("an old servo target counts", "ros/topics/servo_topics.py", "if not -AHEAD_S <= age <= FRESH_S:",

@@ -1,6 +1,6 @@
 """The actions that the core returns to the shell around it: connect, send, answer a call, notify the guard."""
 import enum
-from typing import Any, List, NamedTuple, Optional, Union
+from typing import List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
@@ -45,8 +45,8 @@ class Answer(NamedTuple):
         error: Why it failed; None where it did not.
     """
 
-    call: Any
-    result: Any
+    call: Token
+    result: object
     error: Optional[JakaError]
 
 
@@ -97,7 +97,7 @@ class Actions:
         """Append a line for the log."""
         self._actions.append(Log(level, text))
 
-    def answer(self, call: Token, result: Any = None, error: Optional[JakaError] = None) -> None:
+    def answer(self, call: Token, result: object = None, error: Optional[JakaError] = None) -> None:
         """Append the end of a call; None is a call that nobody waits for."""
         if call is not None:
             self._actions.append(Answer(call, result, error))

@@ -2,7 +2,7 @@
 import dataclasses
 import functools
 import logging
-from typing import Any, Callable, Mapping, Optional, Protocol, Sequence, Tuple
+from typing import Callable, Mapping, Optional, Protocol, Sequence, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Send
 from jaka_ros_driver.client.settings import ClientSettings
@@ -29,7 +29,7 @@ _MOST_STRAYS = 1000
 More are no controller's; all that wait on a connection are far fewer.
 """
 
-OnReply = Callable[[Any, Optional[JakaError], float], None]
+OnReply = Callable[[object, Optional[JakaError], float], None]
 """The receiver of a command's result, or of its error, and of the time, s.
 
 Errors: CommandRejected, ProtocolError, ReplyTimeout, ConnectionLost.
@@ -56,6 +56,10 @@ class _Pending:
     def __init__(self, command: Command, on_reply: OnReply) -> None:
         self.command = command
         self.on_reply = on_reply
+
+
+AwaitedReply = PendingRequest[_Pending]
+"""A request on the wire and who waits for its reply, as ``CommandChannel.overdue`` finds it."""
 
 
 class Introduction:
@@ -116,7 +120,7 @@ class CommandChannel:
         if introduction is self.introduction:
             self.is_open, self.introduction = True, None
 
-    def close(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
+    def close(self, reason: str, now: float, late: Optional[AwaitedReply] = None) -> None:
         """Close the channel after the connection has ended; answer those who wait for a reply with an error."""
         self.is_open, self.introduction = False, None
         self._down_reason = reason
@@ -234,7 +238,7 @@ class CommandChannel:
         """Give the reply to this command the usual time from now, because its effect is visible."""
         self._exchange.done(codec.command_name(command), now, self._settings.reply_timeout)
 
-    def overdue(self, now: float) -> Optional[PendingRequest[Any]]:
+    def overdue(self, now: float) -> Optional[AwaitedReply]:
         """Return a request whose reply is late, or None; pass it to ``close``."""
         return self._exchange.overdue(now)
 

@@ -7,7 +7,7 @@ A stop is repeated until it is accepted, through refusals and new connections, a
 The phases in which a motion is held, and what leads from one to another, are the table of ``phases``.
 """
 import logging
-from typing import Any, Callable, Optional
+from typing import Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions, NotifyGuard
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -385,12 +385,12 @@ class Custody:
         assert self.motion is not None
         number = self._number
 
-        def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+        def replied(_result: object, error: Optional[JakaError], at: float) -> None:
             answer(error)
             if number == self._number and self._phase is Phase.STOPPING:
                 self._stop_replied(error, at)
 
-        def own_end_replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+        def own_end_replied(_result: object, error: Optional[JakaError], at: float) -> None:
             """Send the stop again, where its end of this very jog or servo mode was refused, until the arm rests."""
             if number == self._number and self._phase is Phase.STOPPING and isinstance(error, CommandRejected):
                 self._retry_at = at + _RETRY_PERIOD_S
@@ -479,7 +479,7 @@ class Custody:
         if not self.settings.link_loss_stop or not self._knows_link_loss or not self.channel.is_open:
             return
 
-        def replied(_result: Any, error: Optional[JakaError], _at: float) -> None:
+        def replied(_result: object, error: Optional[JakaError], _at: float) -> None:
             if isinstance(error, CommandRejected) and self._knows_link_loss:
                 self._knows_link_loss = False
                 self.actions.log(logging.WARNING, "this controller does not stop the arm by itself when it loses its "

@@ -4,10 +4,10 @@ A loss of a link is passed to the custody of the motion at once; nothing is ever
 """
 import logging
 from dataclasses import dataclass
-from typing import Any, Callable, Optional, Tuple
+from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, PublishState
-from jaka_ros_driver.client.core.channel import CommandChannel, Introduction
+from jaka_ros_driver.client.core.channel import AwaitedReply, CommandChannel, Introduction
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import PortLink, Takeovers
@@ -18,7 +18,6 @@ from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
-from jaka_ros_driver.protocol.exchange import PendingRequest
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
@@ -291,11 +290,12 @@ class Links:
                                   self._handshake_ended)
         self._handshake.begin(now)
 
-    def _handshake_ended(self, about: Any, error: Optional[JakaError], now: float) -> None:
+    def _handshake_ended(self, about: object, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self._handshake_failed(error, now)
             return
         self._handshake = None
+        assert isinstance(about, session.About)
         self.about = about
         self.is_output_reported = False
         self._feed.confirmed(about.feed_period)
@@ -310,7 +310,7 @@ class Links:
         if self._command.is_up:
             self._drop_command(str(error), now)
 
-    def _beat_replied(self, result: Any, error: Optional[JakaError], asked_at: float, now: float) -> None:
+    def _beat_replied(self, result: object, error: Optional[JakaError], asked_at: float, now: float) -> None:
         """Take the answer to the heartbeat.
 
         It reveals a port that has fallen silent, and whether servo mode is on.
@@ -345,12 +345,12 @@ class Links:
         if self._custody.must_stop:
             self._command.hurry()
 
-    def _drop_command(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
+    def _drop_command(self, reason: str, now: float, late: Optional[AwaitedReply] = None) -> None:
         self._may_be_held = True
         self._command.drop(reason, now)
         self._command_lost(reason, now, late)
 
-    def _command_lost(self, reason: str, now: float, late: Optional[PendingRequest[Any]] = None) -> None:
+    def _command_lost(self, reason: str, now: float, late: Optional[AwaitedReply] = None) -> None:
         was_ready = self.is_ready
         self.is_ready = self.is_servo_active = False
         self._next_beat = _NEVER

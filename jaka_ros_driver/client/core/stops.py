@@ -1,5 +1,5 @@
 """The stops of this driver's motion, and of an arm that somebody else may move. Their callers wait for nothing else."""
-from typing import Any, Callable, Optional
+from typing import Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions, Token
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -252,7 +252,7 @@ class _FreeStop:
         return not self._admission.is_guided_in(state) and state.received_at > coasts_until and (
             self._custody.stillness.has_moved_since(coasts_until) or state.program_state in PROGRAM_UNDER_WAY)
 
-    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _replied(self, _result: object, error: Optional[JakaError], now: float) -> None:
         self._admission.stops_under_way -= 1
         if error is None and self._accepted_at is None:
             self._accepted_at = now

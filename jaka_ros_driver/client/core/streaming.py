@@ -1,7 +1,7 @@
 """The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
 import logging
 import math
-from typing import Any, Callable, Optional, Tuple, Union
+from typing import Callable, Optional, Tuple, Union
 
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
@@ -233,7 +233,7 @@ class Streaming(ArmMotion):
 
     # ---- inside ----
 
-    def _enter_ended(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _enter_ended(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self or self._custody.is_ending:
             return
         self._confirming = None
@@ -252,7 +252,7 @@ class Streaming(ArmMotion):
         else:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
 
-    def _leave_ended(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _leave_ended(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self or self._custody.is_ending:
             return
         self._confirming = None
@@ -287,7 +287,7 @@ class Streaming(ArmMotion):
             self._skipped(skipped)
         self._custody.channel.request(frame, now, self._frame_replied)
 
-    def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _frame_replied(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if error is not None and self._custody.motion is self and self.is_streaming:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo stream ended: %s" % error), now, is_guess=True)
 
@@ -326,7 +326,7 @@ class _Leaving:
         if not self.is_over and not self._is_asking and self._channel.is_open:
             self._is_asking, number = True, self._stop
 
-            def replied(result: Any, error: Optional[JakaError], _now: float) -> None:
+            def replied(result: object, error: Optional[JakaError], _now: float) -> None:
                 if number == self._stop:
                     self._is_asking = False
                     self._is_left = error is None and not result

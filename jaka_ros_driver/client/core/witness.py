@@ -6,7 +6,7 @@ feed soon afterwards. A feed that does not show it in time is older than that ti
 """
 import logging
 from collections import deque
-from typing import Any, Deque, List, NamedTuple, Optional
+from typing import Deque, List, NamedTuple, Optional, cast
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -230,7 +230,7 @@ class Witness:
 
     # ---- inside ----
 
-    def _joints_answered(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
+    def _joints_answered(self, result: object, error: Optional[JakaError], now: float, generation: int, asked_at: float
                      ) -> None:
         if error is not None:
             self._note_refusal(Query.JOINTS, error)
@@ -240,7 +240,7 @@ class Witness:
         if error is not None:
             return
         self._misread[Query.JOINTS] = 0
-        joints: Vector = result
+        joints = cast(Vector, result)
         rests_since = self._rests_since
         if rests_since is None or now - self._answered_at > LONGEST_GAP_S or not _is_near(
                 rests_since.joints, joints, MOVEMENT):
@@ -298,7 +298,7 @@ class Witness:
                                                    "status feed: how old that is shows from its rhythm only")
         return bool(self.dispute) and self._began_at is not None and now - self._began_at > _ANEW_S
 
-    def _drives_answered(self, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _drives_answered(self, result: object, error: Optional[JakaError], now: float) -> None:
         self._asks_drives = False
         if error is not None:
             self._note_refusal(Query.DRIVES_READY, error)

@@ -3,7 +3,7 @@
 Each segment is sent when the one before it was accepted, so that a refusal leaves nothing behind it that would begin
 at the wrong place.
 """
-from typing import Any, Callable, NamedTuple, Optional
+from typing import Callable, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
@@ -152,7 +152,7 @@ class PathMove(PausableMotion):
     def _send_next(self, now: float) -> None:
         self._custody.channel.request(self._waiting.pop(0), now, self._replied)
 
-    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _replied(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self or self._custody.is_ending:
             return
         if error is not None:

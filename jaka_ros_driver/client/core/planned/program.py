@@ -4,7 +4,7 @@ Its motions are not known here. So the program's state in the status feed (``int
 section 6.2) decides that it is over, together with joints at rest; the state alone does not. After a stop the
 controller is asked for it besides.
 """
-from typing import Any, Callable, Optional
+from typing import Callable, Optional, cast
 
 from jaka_ros_driver.client.core.actions import Token
 from jaka_ros_driver.client.core.channel import CommandChannel
@@ -130,7 +130,7 @@ class ProgramMotion(ArmMotion):
 
     # ---- inside ----
 
-    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _replied(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self:
             return
         if error is None:
@@ -179,12 +179,12 @@ class _ProgramAnswers:
             self._channel.request(Query.PROGRAM_STATE, now, self._answered)
         return False
 
-    def _answered(self, result: Any, error: Optional[JakaError], _now: float) -> None:
+    def _answered(self, result: object, error: Optional[JakaError], _now: float) -> None:
         self._is_asking = False
         if isinstance(error, (CommandRejected, ProtocolError)):
             self._can_tell = False
         elif error is None:
-            self.newest = result
+            self.newest = cast(ProgramState, result)
 
 
 def require_program_state(state: RobotState, *wanted: ProgramState) -> None:

@@ -193,7 +193,7 @@ def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Pro
     return ""
 
 
-def _await(core: ArmCore, read: Callable[[RobotState], Any], wanted: Any, what: str,
+def _await(core: ArmCore, read: Callable[[RobotState], Optional[float]], wanted: float, what: str,
            query: Optional[c.Query] = None) -> Procedure:
     """Wait until the feed shows the value; where it does not carry it, ask, or return that it was not verified."""
     if read(core.fresh_state((yield Now()))) is None:
@@ -203,7 +203,7 @@ def _await(core: ArmCore, read: Callable[[RobotState], Any], wanted: Any, what: 
     return ""
 
 
-def _ask_instead(query: c.Command, wanted: Any, what: str, tolerance: float = 0.0) -> Procedure:
+def _ask_instead(query: c.Command, wanted: float, what: str, tolerance: float = 0.0) -> Procedure:
     try:
         held = yield Ask(query)
     except (CommandRejected, ProtocolError):

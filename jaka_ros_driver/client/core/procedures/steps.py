@@ -53,7 +53,8 @@ class Now(NamedTuple):
 T = TypeVar("T")
 Step = Union[Ask, SendAhead, Until, Now]
 Procedure = Generator[Step, Any, Any]
-OnEnd = Callable[[Any, Optional[JakaError], float], None]
+"""A procedure: what its steps send it, and what it returns, differs from step to step and from one to the next."""
+OnEnd = Callable[[object, Optional[JakaError], float], None]
 
 
 class Running:
@@ -135,7 +136,7 @@ class Running:
         number = self._asked
         self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at))
 
-    def _replied(self, number: int, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _replied(self, number: int, result: object, error: Optional[JakaError], now: float) -> None:
         if self.has_ended or number != self._asked:
             return  # it was interrupted while it waited for this reply
         if error is not None:
@@ -143,7 +144,7 @@ class Running:
         else:
             self._resume(lambda: self._procedure.send(result), now)
 
-    def _answered(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _answered(self, _result: object, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self.throw(error, now)
 
@@ -182,7 +183,7 @@ def pause(seconds: float) -> Until:
     return Until(lambda now: False, seconds)
 
 
-def in_slices(looks: Looks[T], check: Callable[[], None]) -> Generator[Step, Any, T]:
+def in_slices(looks: Looks[T], check: Callable[[], None]) -> Generator[Step, object, T]:
     """Run a look of the motion guard to its end, in slices of some ms between which the core takes other events.
 
     ``check`` is called after each slice; what it raises ends the look.

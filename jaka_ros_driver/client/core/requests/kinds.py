@@ -2,7 +2,7 @@
 
 ``ArmCore`` makes them and says of each what its caller is answered.
 """
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Type, TypeVar
+from typing import Callable, NamedTuple, Optional, Sequence, Type, TypeVar, cast
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Actions, Token
@@ -133,12 +133,12 @@ class MoveRequest(_MotionRequest):
                                       lambda: self._arm.stops.require_none_since(self._stops)), self._looked, now)
         return False
 
-    def _looked(self, place: StartPlace, error: Optional[JakaError], now: float) -> None:
+    def _looked(self, place: object, error: Optional[JakaError], now: float) -> None:
         self._arm.admission.busy_with = None
         try:
             if error is not None:
                 raise error
-            self._end_place = place
+            self._end_place = cast(StartPlace, place)
             self.enter(now)
         except JakaError as refusal:
             self._arm.actions.answer(self.call, None, refusal)
@@ -173,13 +173,13 @@ class PathRequest(_MotionRequest):
             raise MotionInterrupted(StopCause.CANCELLED, "nothing was sent")
         self._arm.stops.require_none_since(self._stops)
 
-    def _audited(self, path: SegmentPath, error: Optional[JakaError], now: float) -> None:
+    def _audited(self, path: object, error: Optional[JakaError], now: float) -> None:
         self._arm.admission.busy_with = None
         try:
             if error is not None:
                 raise error
             self._require_wanted()
-            self._begin_path(path, now)
+            self._begin_path(cast(SegmentPath, path), now)
         except JakaError as refusal:
             self._arm.actions.answer(self.call, None, refusal)
         self._arm.admission.retry(now)
@@ -424,10 +424,10 @@ class ProcedureRequest(ArmRequest):
         self._arm.admission.busy_with = self._exclusive
         self._arm.carry_out(self._procedure, self._ended, now)
 
-    def _answer(self, result: Any, error: Optional[JakaError], _now: float) -> None:
+    def _answer(self, result: object, error: Optional[JakaError], _now: float) -> None:
         self._arm.actions.answer(self.call, result, error)
 
-    def _ended(self, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _ended(self, result: object, error: Optional[JakaError], now: float) -> None:
         self._arm.admission.busy_with = None
         self._answer(result, error, now)
         self._arm.admission.retry(now)
