@@ -14,10 +14,18 @@ from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream
 from jaka_ros_driver.protocol.status import parse_status
 
 _TURN_S = 0.02
+"""Longest pause, s, of the loop: the deadlines of the stop are kept to within one beat of a driver."""
 _CONNECT_TIMEOUT_S = 1.0
+"""Longest time, s, to connect; ``stopping`` gives the command port up after the same time."""
 _ACKNOWLEDGE_TIMEOUT_S = 1.0
+"""Longest time, s, that the kernel waits for a peer that is gone.
+
+The stop is sent anew, on a connection of its own, before that.
+"""
 _FEED_PERIOD_S = 0.25
+"""Pause, s, before a lost status port is connected anew: a try or two before ``stopping`` counts it as blind."""
 _FEED_TIMEOUT_S = 1.0
+"""Silence, s, of the status port after which it is connected anew: ten frames of the slowest feed."""
 
 
 class ArmStopper:

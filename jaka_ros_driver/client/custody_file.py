@@ -20,6 +20,7 @@ from jaka_ros_driver.commands import JogFrame, JogStop
 _LOG = logging.getLogger(__name__)
 
 _FLUSH_TIMEOUT_S = 0.5
+"""Longest wait, s, at the end: a disk that hangs does not keep the driver from ending."""
 
 
 class Found(NamedTuple):

@@ -22,6 +22,7 @@ STARVED_TIMEOUT_S = 1.0
 ANSWER_PERIOD_S = 0.1
 """Period, s, of the answers; a guard that misses ten of them is replaced (``guard_post.ANSWER_TIMEOUT_S``)."""
 _STARVED_TURN_S = 0.05
+"""Time, s, that a driver which waits for the processor is granted at once, before it is looked at again."""
 _HELD_UP_S = 0.1
 """Lateness, s, of this process above which the whole host may have stood still, and the driver with it."""
 

@@ -18,6 +18,7 @@ from jaka_ros_driver.protocol.framing import encode_object
 _LOG = logging.getLogger(__name__)
 
 LAST_STOPS = 3
+"""Number of stops of a driver whose core has failed: nobody reads the replies any more, and one may be refused."""
 LAST_STOP_PERIOD_S = 0.1
 """Period, s, of the ``LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
 

@@ -10,9 +10,17 @@ from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory
 
 _LOG = logging.getLogger(__name__)
 _JOIN_LEAD_S = 0.016
+"""Shortest lead, s, of a join: two servo cycles.
+
+The path must be built and begun before the arm is there. Where it is not, the lead is doubled (``ArmClient.follow``);
+a longer one replaces the running trajectory later.
+"""
 _BUILD_TIME_S = 5e-6
+"""Time, s, that each point adds to the lead, for building and audit; too short a time costs another try."""
 LONGEST_LEAD_S = 1.0
+"""Lead, s, above which none is doubled any more: the last try joins up to 2 s ahead, then the goal is refused."""
 _LOGGED_LATE_S = 0.001
+"""Shortest delay, s, that is logged: an eighth of a servo cycle."""
 
 
 def lead_of(trajectory: JointTrajectory) -> float:

@@ -20,7 +20,12 @@ _LOG = logging.getLogger(__name__)
 HELD_UP_S = 0.3
 """Gap, s, between two beats above which the driver itself was held up, so the guard's silence is not counted."""
 _EXIT_TIMEOUT_S = 2.0
+"""Longest wait, s, for a guard that is to end; one that does not is killed, unless it is stopping the arm."""
 _RESTART_PERIODS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""The pauses, s, before another guard is started, by the number of failures before.
+
+The first starts at once, because the arm may be moving; one that always fails is not started without end.
+"""
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,15 @@ from jaka_ros_driver.client.driver_pipe import MOVING, OUTLIVED, STOPPING
 from jaka_ros_driver.client.process_state import waits_for_processor
 
 BEAT_PERIOD_S = 0.02
+"""Period, s, of the beats: a dozen must fail to come before a driver counts as frozen (``driver_pipe``)."""
 ANSWER_TIMEOUT_S = 1.0
 """Silence, s, of a guard after which it is replaced."""
 STARVED_ANSWER_TIMEOUT_S = 5.0
 """Silence, s, in place of ``ANSWER_TIMEOUT_S``, where the guard lives but gets no processor time."""
 START_TIMEOUT_S = 10.0
+"""Longest time, s, until the first answer: Python needs some time to start, more on a busy host."""
 _READ_BYTES = 4096
+"""Bytes of one read; an answer is one byte, and only the last one counts."""
 
 
 class GuardPost:

@@ -24,6 +24,7 @@ from jaka_ros_driver.client.arm_stopper import ArmStopper
 from jaka_ros_driver.client.driver_pipe import OUTLIVED, DriverPipe, LogText
 
 _LOG_TIMEOUT_S = 0.5
+"""Longest wait, s, at the end for a log that nobody reads."""
 
 
 def watch(pipe: DriverPipe, stopper: ArmStopper, log: LogText) -> None:

@@ -16,6 +16,7 @@ from jaka_ros_driver.protocol.framing import Item, encode_object
 from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
+"""Time, s, after which a stop that was not accepted, or an arm not seen at rest, is given up and logged."""
 LOCKED_OUT_AFTER_S = 0.25
 """Time, s, of being turned away after which the frozen driver's connection is taken for the reason."""
 CONFIRM_AFTER_S = 0.5
@@ -27,10 +28,15 @@ STILL_FOR_S = SURE_REST_S
 _STILL_FOR_NOW_S = 0.12
 """Stillness, s, after which the arm may be at rest: no other stop is sent, and it is left to a driver that is back."""
 _BLIND_AFTER_S = 0.5
+"""Time, s, without a state after which the arm is not seen any more: five frames of the slowest feed."""
 _CONNECT_TIMEOUT_S = 1.0
+"""Longest time, s, to connect: a try that hangs is given up for another one."""
 _REPLY_TIMEOUT_S = 1.0
+"""Longest wait, s, for the reply to a stop; then it is sent on a new connection."""
 _CONNECT_PERIOD_S = 0.05
+"""Pause, s, before the next connection: short, because the arm moves."""
 _REFUSED_PERIOD_S = 0.08
+"""Pause, s, from the refusal of a stop to the next one: ten cycles of the controller."""
 _AFTER_THE_DRIVER_S = 0.02
 """Time, s, that the kernel has to close the connections of the driver that was killed."""
 

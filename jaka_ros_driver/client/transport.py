@@ -16,8 +16,11 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.protocol.ports import endpoint
 
 _RECEIVE_BYTES = 1 << 16
+"""Bytes of one read, more than any status frame has; a shorter read shows that nothing else waits."""
 _READS_A_TURN = 8
+"""Most reads of a port in one turn: a flood on one port does not keep the other waiting."""
 _MAX_UNSENT_BYTES = 1 << 20
+"""Most bytes that wait to be sent: a controller that leaves so many unread reads no more, and its port is closed."""
 _TURNED_AWAY = (errno.ECONNREFUSED, errno.ECONNRESET, errno.ECONNABORTED, errno.EPIPE)
 
 

@@ -35,12 +35,17 @@ MOST_CONNECTIONS = 2000
 _XMLRPC_TIMEOUT_S = 60.0
 """Idle time, s, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
 _LONGEST_HANDSHAKE = 1 << 20
+"""Longest connection header, bytes, that is read: names and a message's definition take far less."""
 _BACKLOG = 128
+"""Connections that wait in the kernel to be accepted: all clients of a cell may come at once."""
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
 _RETRY_PERIOD_S = 0.01
+"""Pause, s, after an accept that failed: without it the loop would take the processor."""
 _JUST_COME_S = 1.0
+"""Age, s, up to which a connection is spared when descriptors run out (``_make_room``)."""
 _LOG_PERIOD_S = 10.0
+"""Shortest period, s, of the warning: a flood of connections must not flood the log."""
 _BUSY = float("inf")
 
 

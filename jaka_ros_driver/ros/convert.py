@@ -50,7 +50,9 @@ _Member = TypeVar("_Member", bound=IntEnum)
 _JOINTS = "six joint angles, rad"
 _COORD_MODES = "0 joint, 1 active user frame, 2 tool"
 _QUATERNION_TOLERANCE = 1e-3
+"""Largest deviation of a quaternion's norm from 1: room for clients that round to three digits."""
 _LONGEST_ROTATION = 2.0 * math.pi
+"""Longest rotation vector, rad: one turn; a longer one is taken for a mistake."""
 
 
 @dataclass(frozen=True)

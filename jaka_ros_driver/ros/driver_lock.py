@@ -18,7 +18,9 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol.ports import endpoint
 
 _ANSWER_TIMEOUT_S = 1.0
+"""Longest wait, s, for the name of the driver that holds the lock; without it the refusal has no name."""
 _RETRY_S = 0.1
+"""Pause, s, where no descriptor is left to answer with: without it the loop would take the processor."""
 _LONGEST_NAME = 80
 """Longest address, bytes, within a socket's name, which has 107."""
 _UNNAMED = "another driver"

@@ -13,9 +13,11 @@ from jaka_ros_driver.state import RobotState
 _LOG = logging.getLogger(__name__)
 
 _CHECK_PERIOD_S = 0.2
+"""Period, s, of looks whether the link was made anew: other frames may be active then."""
 _READ_PERIOD_S = 5.0
 """Longest time, s, until a frame that was changed at the controller itself is noticed."""
 _RETRY_S = 1.0
+"""Pause, s, after tables that could not be read."""
 
 Frames = Tuple[Transform, ...]
 

@@ -18,9 +18,13 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*\Z")
 _INPUT_BANKS: Dict[str, Bank] = {"cabinet": IoBank.CABINET, "tool": IoBank.TOOL, "modbus_slave": FieldBus.MODBUS_SLAVE}
 _OUTPUT_BANKS: Dict[str, Bank] = {**_INPUT_BANKS, "extension": IoBank.EXTENSION}
 _LARGEST_POSITION = 10.0
+"""Largest position of the gripper's joint, m or rad; a larger one is in another unit."""
 _LONGEST_STROKE_S = 60.0
+"""Longest time, s, of a stroke and of gripping that is believed."""
 _LONGEST_TIMEOUT_S = 120.0
+"""Longest timeout, s, of a goal: two of the longest strokes."""
 _DEFAULT_MARGIN_S = 2.0
+"""Time, s, beyond the stroke after which a goal is given up by default."""
 _BEYOND = 0.1
 """A goal or a reading may lie so far outside its range, as a share of it: names in a SRDF are rounded."""
 _SAME_VALUE = 0.02

@@ -14,6 +14,7 @@ from rospy.impl import registration
 _LOG = logging.getLogger(__name__)
 
 _PERIOD_S = 1.0
+"""Period, s, of the questions: so long at most does a restarted master know nothing of this node."""
 _UNANSWERED = 3
 """Questions without an answer after which it is told: one may be lost on a busy computer."""
 _LAST = "/get_loggers"

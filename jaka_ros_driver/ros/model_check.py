@@ -10,6 +10,7 @@ from jaka_ros_driver.state import RobotState
 _LOG = logging.getLogger(__name__)
 
 _CONFIRMATIONS = 2
+"""Number of states in a row that must deviate: what one alone shows may be damage."""
 
 
 class ModelCheck:

@@ -76,9 +76,13 @@ _LOG = logging.getLogger(__name__)
 _SWITCH_INTERVAL_S = 0.0005
 """The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _ANSWER_TIMEOUT_S = 0.3
+"""Longest wait, s, for calls of one kind to be answered at the end; with five kinds it fits ``_END_TIMEOUT_S``."""
 _DRAIN_TIMEOUT_S = 0.5
+"""Longest wait, s, for the last lines of the log, which are nearly always there at once."""
 _AUDIT_TIMEOUT_S = 0.5
+"""Longest wait, s, at the end for the disk of the audit log."""
 _LOOK_ROUND_S = 0.1
+"""Longest pause, s, between two looks of a waiting thread whether the node is to end."""
 _END_TIMEOUT_S = 5.0
 """Longest time, s, to the node's end: stopping the arm and answering the calls takes 2 s, the rest is the master's."""
 _NAME = "jaka_driver"

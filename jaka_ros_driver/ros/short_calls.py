@@ -9,6 +9,7 @@ from xmlrpc.client import Error as XmlRpcError
 from xmlrpc.client import ServerProxy, Transport
 
 _TIMEOUT_S = 1.0
+"""Longest wait, s, for a master or a node; one that says nothing must not keep the caller."""
 _OTHERWISE = (ConnectionError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 

@@ -30,7 +30,9 @@ from jaka_ros_driver.ros.short_calls import NobodyThere, ShortTransport, Unanswe
 _LOG = logging.getLogger(__name__)
 
 _CONNECT_TIMEOUT_S = 3.0
+"""Longest wait, s, for this node's own answer: at a wrong address often nothing answers at all."""
 _PROBE_TIMEOUT_S = 0.5
+"""Longest wait, s, for another publisher of a topic, which is likely dead; there may be several."""
 _LOOK_S = 0.05
 _LOG_PERIOD_S = 10.0
 _MASTER_LOOK_S, _MASTER_LOG_PERIOD_S = 0.2, 60.0

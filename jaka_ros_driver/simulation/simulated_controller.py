@@ -31,6 +31,7 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 SINGLE_CLIENT = {"replace": REPLACES, "refuse": REFUSED, "coexist": COEXISTS}
 """Spellings of the dimension ``second_client`` on the command line."""
 MAX_TIME_SCALE = 100.0
+"""Highest factor of time: 25 cycles are computed then at each tick of 2 ms (``cycle_clock``)."""
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 

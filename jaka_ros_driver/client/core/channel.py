@@ -22,7 +22,9 @@ from jaka_ros_driver.protocol.exchange import Exchange, PendingRequest
 from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
 
 _PIECE_BYTES = 1 << 12
+"""Bytes that are taken at once: within so many a flood is noticed."""
 _MOST_STRAY_BYTES = 1 << 17
+"""Most bytes in a row that answer no request; what sends more is no controller."""
 _MOST_STRAYS = 1000
 """Most replies in a row that answer no request.
 

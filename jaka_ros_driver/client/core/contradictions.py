@@ -14,6 +14,10 @@ from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 _JUMP_SLACK = 0.05
 """Change of a joint, rad, between two frames that is never a jump."""
 _JUMP_FACTOR = 1.2
+"""Factor of a joint's highest speed up to which its change is no jump.
+
+With less, a joint at full speed behind a late frame would be one; with more, short jumps pass.
+"""
 _LATE_FRAME_S = 0.15
 """Delay, s, of a frame before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
 _TOOL_SLACK = 0.02

@@ -48,6 +48,7 @@ _ORDINARY_ENDS = (StopCause.STOPPED, StopCause.CANCELLED, StopCause.REPLACED, St
                   StopCause.MOTION_GUARD)
 """Reasons to stop that show nothing of an arm that does not do as it is told."""
 _LOG_PERIOD_S = 1.0
+"""Shortest period, s, of lines about trouble: a refused stop is repeated twenty times a second."""
 _NEVER = float("inf")
 
 

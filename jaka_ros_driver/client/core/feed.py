@@ -30,6 +30,7 @@ _MISSING_S = 0.05
 _RATE_WINDOW = 250
 """Frames from which rate and jitter are computed: 2 s at 125 Hz."""
 _USUAL_WINDOW = 9
+"""Intervals whose median is the usual one: five frames show a new rhythm, and four odd ones change nothing."""
 _TICK_S = 1e-6
 """Shortest time, s, between the arrivals of two frames: of those read at once, too, each is later than the last."""
 _CLOCKS_DIFFER = 0.015
@@ -37,6 +38,7 @@ _CLOCKS_DIFFER = 0.015
 _SLOWER_BY_NATURE = 1.5
 """Factor above which a rhythm slower than the period is a controller's that does not keep to it, unless it once did."""
 _MEAN_SHARE = 0.02
+"""Share of a frame in the mean interval, which so follows the last fifty."""
 _RHYTHM_FRAMES = 100
 """Frames after which the mean shows the rhythm of a connection."""
 LONGEST_DEBT_S = 0.45

@@ -6,13 +6,17 @@ from typing import Deque, NamedTuple
 from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
 
 _FIRST_PAUSE_S = 0.1
+"""Pause, s, after a first failure; it doubles with each that follows."""
 _LONGEST_PAUSE_S = 0.5
+"""Longest pause, s: a controller that was away for long is found within it."""
 _STABLE_TIME_S = 2.0
+"""Life of a connection, s, after which its loss counts as a first failure again."""
 _FIRST_WAY_S, _LONGEST_WAY_S = 1.0, 10.0
 """First and longest pause, s, of a link that gives way to another client."""
 _RIVALS_GONE_S = 30.0
 """Life of a connection, s, longer than any pause, that shows that nobody takes the port any more."""
 _TAKEN_TIMES, _TAKEN_WITHIN_S = 3, 10.0
+"""Connections, and the time, s, within which the controller ends so many where another client takes the port."""
 _NEVER = float("inf")
 
 

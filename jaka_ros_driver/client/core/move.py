@@ -21,6 +21,11 @@ NOT_SEEN_TO_BEGIN = "accepted, but the arm was not seen to move"
 _JOINT_TOLERANCE = 0.01
 _POSITION_TOLERANCE = 0.002
 _ANGLE_TOLERANCE = 0.02
+"""Largest distances from a target that count as there: joints rad, position m, orientation rad.
+
+With larger ones a move that was stopped short of its target would count as completed; with smaller ones an arm that
+settles beside it would not.
+"""
 _LONGEST_FRAME_TIME_S = 0.1
 """Longest interval, s, between two frames of a feed in good order."""
 _LEVER = 0.1

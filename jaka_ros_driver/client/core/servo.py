@@ -17,6 +17,7 @@ from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
 
 _TCP_SPEED_UNKNOWN = 1.0
+"""Highest tool speed, m/s, for models without tcp_max_speed: below that of any full-size arm (``limits``)."""
 _MAX_LINEAR_DEVIATION = 0.03
 """Largest distance, m, of the tool, or of a point beside it, from what was sent lately."""
 

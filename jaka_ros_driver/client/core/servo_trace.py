@@ -10,6 +10,7 @@ from typing import Deque, List, NamedTuple, Sequence
 _WINDOW_S = 1.0
 """Time, s, for which sent positions count: longer than a controller's queue and filters lag behind."""
 _BUCKET_S = 0.1
+"""Length, s, of a piece whose extent is kept as one; shorter pieces cost time and memory for the same extent."""
 
 
 class _Extent(NamedTuple):

@@ -14,6 +14,7 @@ It is what counts where nothing else shows that a motion has ended: an arm that 
 MOVEMENT = 2e-4
 """Distance, rad (0.011 deg), of a joint from where it was first seen above which it has moved."""
 _CREEP_FACTOR = 2.0
+"""Factor of the time of its last step for which an arm must be still: clearly longer (``_LONGEST_STEP_S``)."""
 _LONGEST_STEP = 3.0 * MOVEMENT
 """Largest step, rad, of an arm that creeps."""
 _LONGEST_STEP_S = 0.6

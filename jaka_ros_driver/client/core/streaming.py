@@ -20,7 +20,9 @@ MAX_JOINT_DEVIATION = 0.04
 frames.
 """
 _CONFIRM_TIMEOUT_S = 2.0
+"""Longest time, s, until the controller confirms that it has entered or left servo mode."""
 _POLL_PERIOD_S = 0.02
+"""Pause, s, between two questions for that."""
 _BEHIND_STATUS_S = 0.006
 """Delay, s, from a status frame to the frames of a stream.
 

@@ -25,12 +25,14 @@ _TURN = 0.015
 _BRIEF_TURN = 0.79
 """Way, rad, there and back within one second at 12.6 rad/s2; it grows with the square of the time."""
 _LEAST_AGE_S = 0.25
+"""Shortest age, s, at which the feed is given up, however short the silence timeout: the period of the questions."""
 _AGE_SHARE = 1.0 / 3.0
 """Age at which the feed is given up, as a share of the silence timeout.
 
 The next question, and its answer, take time, too.
 """
 _PERIODS, _LATE_S = 2.0, 0.1
+"""Periods of the feed, and time, s, beyond them, in which it must show an answer: one period old, and one late."""
 _MOST_AGE_SHARE = 0.6
 """Largest share of the silence timeout that is granted to a feed with long pauses.
 

@@ -15,6 +15,7 @@ from jaka_ros_driver.protocol.texts import printable
 PEER = "jaka_driver_peer"
 """Entry of a service connection's header in which this driver records the ``Caller``."""
 _LONGEST = 200
+"""Most characters of what a caller says of itself: nobody makes a line of the log as long as he likes."""
 
 
 class Caller(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Any
 _MOST_ITEMS = 32
 _LONGEST_TEXT = 500
 _DEEPEST = 8
+"""Most entries of a list, characters of a text, and levels: no call makes a line of the log as long as it likes."""
 
 
 def plain(value: Any, depth: int = 0) -> Any:

@@ -13,6 +13,7 @@ from typing import Callable, Dict, NamedTuple, Optional
 _LOG = logging.getLogger(__name__)
 
 MOST_CONNECTIONS = 8
+"""Most clients at a time: Prometheus is one, and each takes a descriptor that the driver may need."""
 LONGEST_REQUEST = 8192
 """Longest request, bytes: Prometheus sends some 300."""
 DEADLINE_S = 2.0
@@ -22,7 +23,9 @@ PAUSE_S = 0.01
 PAGE_AGE_S = 0.5
 """Age, s, up to which a page is given out again."""
 _LOOK_ROUND_S = 0.25
+"""Longest wait, s, for clients, between two looks for the end and for clients that are late."""
 _BACKLOG = 16
+"""Clients that wait in the kernel while ``MOST_CONNECTIONS`` others are served."""
 
 
 class Page(NamedTuple):

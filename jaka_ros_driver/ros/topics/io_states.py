@@ -17,7 +17,9 @@ from jaka_ros_driver.ros.topics.stamps import SampleStamps
 from jaka_ros_driver.state import IoState, RobotState
 
 _PERIOD_S = 1.0
+"""Period, s, at which terminals that do not change are published; digital changes are published at once."""
 _ANALOG_PERIOD_S = 0.1
+"""Shortest period, s, of analog changes, which may come with every frame."""
 _QUEUE = 10
 NOTHING_REPORTED = IoState()
 

@@ -20,6 +20,7 @@ UNKNOWN, FALSE, TRUE = -1, 0, 1
 MANUAL, AUTO = 1, 2
 """Values of industrial_msgs/RobotMode, which has UNKNOWN, too."""
 _PERIOD_S = 0.1
+"""Period, s, at which a status that does not change is published, and the silence of the controller noticed."""
 _QUEUE = 10
 _INT32 = 0x7FFFFFFF
 

@@ -11,6 +11,7 @@ from jaka_ros_driver.units import NS_PER_S
 _LOG = logging.getLogger(__name__)
 
 _TICK_NS = 1000
+"""Smallest step, ns, from one stamp to the next: a smaller one is lost in seconds as a float, as ``to_sec`` gives."""
 _SET_BACK_NS = NS_PER_S
 
 

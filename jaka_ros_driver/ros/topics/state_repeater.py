@@ -3,8 +3,11 @@ from collections import deque
 from typing import Deque, Optional
 
 _WINDOW = 33
+"""Arrivals whose median interval counts: a quarter of a second at 125 Hz."""
 _ENOUGH = 3
+"""Fewest intervals that have a median worth the name: two agree against one."""
 _SLOW = 1.05
+"""Factor of the period above which intervals are long: more than clocks differ by (``feed``)."""
 
 
 class StateRepeater:

@@ -5,7 +5,9 @@ from typing import Deque, List, Optional, Tuple
 from jaka_ros_driver.state import RobotState, Vector
 
 _WINDOW = 8
+"""Samples whose slope is the velocity, 64 ms at 125 Hz: with more it is smoother, and later."""
 _TIMING_WINDOW = 32
+"""Arrivals whose mean interval is the time of a sample: single ones jitter."""
 _GAP_S = 0.1
 """Gap, s, between samples after which the estimate begins anew."""
 

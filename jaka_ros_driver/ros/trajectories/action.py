@@ -33,7 +33,9 @@ SUCCESSFUL, INVALID_GOAL, INVALID_JOINTS, OLD_HEADER_TIMESTAMP = 0, -1, -2, -3
 PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = -4, -5
 """Error codes of control_msgs/FollowJointTrajectoryResult."""
 _FEEDBACK_PERIOD_S = 0.05
+"""Period, s, of feedback: 20 Hz, as ros_control's action_monitor_rate has by default."""
 _STOP_WAIT_S = 2.0
+"""Longest wait, s, of an empty goal for the rest of the arm."""
 
 
 class TurnQueue:

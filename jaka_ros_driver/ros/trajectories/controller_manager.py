@@ -25,6 +25,7 @@ _INTERFACE = "hardware_interface::PositionJointInterface"
 _BASE_CLASS = "controller_interface::ControllerBase"
 _STRICT = 2
 _AUTO_DELAY_S = 10.0
+"""Delay, s, in which a real controller_manager of the cell can be there first (~controller_manager auto)."""
 
 
 class OneController:

@@ -19,6 +19,7 @@ TCP_ACCELERATION = 0.5
 """Acceleration, m/s2, of a Cartesian jog. No vendor value exists."""
 
 _ALREADY_THERE = 1e-9
+"""Largest way, rad or m, that is rounding and no jog."""
 _TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns at the latest
 
 

@@ -12,6 +12,7 @@ from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.frames import rotation_between, turned
 
 _TINY = 1e-9
+"""Shortest way, m, and smallest angle, rad, that are more than rounding."""
 _MOST_TURNS = 100
 """Most turns of an arc.
 

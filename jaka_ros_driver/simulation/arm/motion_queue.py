@@ -13,7 +13,9 @@ from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Ro
 from jaka_ros_driver.state import Vector
 
 MAX_QUEUE = 500
+"""Most motions that wait: no source names a bound, and without one a client could fill the memory."""
 _SAME_MOMENT_S = 1e-6
+"""Allowance for rounding, s."""
 
 JogAxis = Tuple[JogFrame, int, bool]
 """Frame, axis 0..5, and True for the positive direction."""

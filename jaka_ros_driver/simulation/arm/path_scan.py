@@ -25,6 +25,7 @@ _LIMIT_EDGE = 1e-7  # accuracy of the place where a joint reaches its limit
 _REACH_EDGE = 4e-5  # accuracy of the edge of the reach
 _REACH_MARGIN = 2e-4  # paths end this far before it, because joints turn infinitely fast right at it
 _METRES_PER_RAD = 0.3
+"""Way, m, that takes as much of a path as one rad of rotation does."""
 _SPEED_SHARE = 0.95  # share of the joint speed limits that is used along a path
 _BUDGET = 0.5  # share of the joint acceleration limits for speed changes; the rest is for the path's bends
 _BEND_MARGIN = 1.4  # bends within a stretch may be sharper than their mean

@@ -18,8 +18,10 @@ except ImportError:
     RUCKIG = None
 
 _REST_SPEED = 1e-9
+"""Lowest speed of what is not at its end: at 0 it would stay where it is for ever."""
 _STEEPER = 1.25
 _STEEPER_TRIES = 16
+"""Factor by which a brake that passes its end is made steeper, and how often: up to 35 times."""
 
 
 def jerk_time(jerk_limited: bool, seconds: float = JERK_TIME_S) -> float:

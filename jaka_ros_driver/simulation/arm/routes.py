@@ -19,6 +19,7 @@ from jaka_ros_driver.state import Vector
 _PIECE_WAY = 0.03  # m; length of a stretch of a leg in the first scan
 _PIECE_ANGLE = 0.2  # rad; the same for its rotation
 _CORNER_PIECES = 4
+"""Stretches of a rounded corner in its first scan, which splits those that need it."""
 _LOOK_AHEAD = 1.5  # jerk times; braking for a slower stretch begins so early that it ends before that stretch
 
 

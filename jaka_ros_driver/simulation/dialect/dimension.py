@@ -9,6 +9,7 @@ from jaka_ros_driver.errors import InvalidCommand
 FIRMWARE_NAMES = ("1.5.14", "1.7.1", "1.7.2")
 """The generations that are simulated; defaults stand in this order."""
 _AT_DEFAULT, _AT_EDGE = 0.4, 0.7
+"""Shares of the draws up to which they take the default, and then an end: edges break more than middles."""
 _MAX_LIST = 64
 
 

@@ -10,7 +10,9 @@ MIN_TICK_S = 0.002
 MIN_FEED_PERIOD_S = 0.004
 """Shortest wall time, s, between two status frames, whatever the time scale."""
 _MAX_LAG_S = 0.25
+"""Lateness, s, above which missed cycles are left out: made up for, they would be a burst of frames."""
 _SAMPLES = 7500
+"""Cycles whose lateness is kept: those of a minute."""
 _SAME_MOMENT_S = 1e-6
 
 

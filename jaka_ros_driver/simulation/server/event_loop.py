@@ -31,10 +31,15 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 OPERATOR = "panel"
 """The operator port's name in the first line of output, in options and in logs."""
 _REQUESTS_A_TURN = 20
+"""Most requests of a connection in one turn: a flood of them delays no cycle."""
 _MAX_CLIENTS = 32
+"""Most connections of a port; one more ends the one that is needed least."""
 _IDLE_S = 1.0
+"""Longest wait, s, where nothing is due."""
 _COMPRESSION = 1
+"""Level of zlib: the fastest, because nobody else is served meanwhile."""
 _LONGEST_ANSWER = 1 << 18
+"""Longest answer of the operator port, bytes, that its caller reads."""
 
 OperatorHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 

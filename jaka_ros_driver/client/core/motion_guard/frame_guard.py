@@ -11,6 +11,7 @@ Look = Callable[[Sequence[Vector]], str]
 _STEP_CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2
 """Largest change, rad, of a joint's step from one cycle to the next."""
 _ROUNDING = 1e-9
+"""Allowance for rounding."""
 
 
 def brake_end(before: Vector, joints: Vector) -> Vector:

@@ -14,6 +14,7 @@ from jaka_ros_driver.kinematics.rotations import Transform, compose
 from jaka_ros_driver.state import Vector
 
 _ROUNDS = 20
+"""Bisections for the widest parabola: a millionth of the longest one is left."""
 _CHORD = 1e-3
 """Largest distance, rad, of a joint on a parabola from the straight lines by which it is looked at."""
 

@@ -11,7 +11,9 @@ from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 
 _TIMEOUT_S = 2.0
+"""Longest time, s, until the arm is seen at rest, or the speed as it was set, beside the rest's own time."""
 _SAME_RATE = 0.005
+"""Largest difference from a speed that counts as the same: of a controller that rounds to whole percents, too."""
 _NEVER = float("inf")
 
 

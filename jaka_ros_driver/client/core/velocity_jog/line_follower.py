@@ -41,14 +41,17 @@ An arm that begins nearer to a singularity gets as near as it was.
 _EXACT = 1e-7
 """Largest error, m and rad, of the tool's place on the line."""
 _CORRECTIONS = 4
+"""Most corrections by the Jacobian; where the last is not exact, a lower speed is tried."""
 _LARGEST_CORRECTION = 0.1
 """Largest step, rad, of a joint from the place where it was expected; a larger one leads to another branch."""
 _SHARE = 0.98
 """Share of a joint's speed and acceleration for which a speed is computed; the rest is for the bend of the way."""
 _ROUNDING = 1e-9
+"""Allowance for rounding."""
 _SINGULAR = 1e-4
 """Singularity measure below which the Jacobian has no inverse: only what the joints can do there is asked of them."""
 _TRIES = 3
+"""Most tries of a step, with smaller and smaller changes: where three fail, one more gives a standing arm as well."""
 _SLOW, _SLOWEST = 0.01, 1e-6
 """Rates of the way, 1/s, at which a step is too short to tell of the next one, and below which it is none."""
 _LESS, _MORE, _LEAST = 0.3, 2.0, 0.1

@@ -27,6 +27,7 @@ _NOTHING = (0.0,) * JOINT_COUNT
 _LONGEST_BRAKE = math.ceil(FASTEST_JOINT / STEP_CHANGE)
 """Cycles in which every joint comes to rest."""
 _ROUNDING = 1e-9
+"""Allowance for rounding."""
 
 
 class Wish(NamedTuple):
