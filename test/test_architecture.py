@@ -215,6 +215,15 @@ def test_rooms_import_only_from_the_rooms_below():
     assert not wrong, "\n".join(wrong)
 
 
+def test_packages_that_need_another_than_the_ground_do_so_for_a_reason_on_the_page():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    _, _, rest = page.partition("<!-- needs another -->\n")
+    told = re.findall(r"^- `(\w+)` needs `(\w+)`: \w", rest.partition("<!-- end -->")[0], re.MULTILINE)
+    tops = {(name.split(".")[0], other.split(".")[0]) for name in modules() for other in project_imports(name)}
+    needs = {(one, other) for one, other in tops if other not in (one, "jaka_bag")}
+    assert sorted(told) == sorted(needs)
+
+
 def test_every_room_is_there():
     missing = [room for room in ROOMS if room not in modules()]
     assert not missing, missing

@@ -1,7 +1,7 @@
 """The operator's panel: a page in a browser, to see running drivers and to hold them.
 
 It is a client of the drivers like any other: topics and services. Of the driver's code it uses the writer of the audit
-log, for a log of its own.
+log, for a log of its own; of ``jaka_regression`` the plan of a log's motion and the client of trajectories.
 
 program    the program jaka_panel: options, start, end
 settings   what a user can set
