@@ -1,4 +1,4 @@
-"""The motion guard at servo targets of joints and poses, slow and fast: in no cycle is the arm nearer than its margin."""
+"""The motion guard at servo targets of joints and poses, slow and fast: the arm is never nearer than its margin."""
 import math
 import random
 
@@ -20,7 +20,7 @@ INTO_THE_BASE = (1.781, -0.866, -2.694, 0.38, 0.163, -3.141)
 WALL = workspace_of({"keep_out": [{"name": "wall", "centre": [0.0, 0.7, 0.3], "size": [2.0, 0.6, 0.6]}]})
 TABLE = workspace_of({"keep_out": [{"name": "table", "centre": [0.4, 0.0, 0.1], "size": [0.5, 1.0, 0.2]}]})
 NEARER = 1e-4
-"""Distance, m, by which a drawn stream may come nearer: the arm is straight in poses, and the guard's look in joints."""
+"""Distance, m, by which a drawn stream may come nearer: the arm goes straight in poses, the look in joints."""
 
 
 class Stream:
@@ -57,7 +57,7 @@ class Stream:
             self.least = min(self.least, self.guard.nearest(self.arm.joints).distance)
 
     def push(self, target_at, speed, acceleration, tries=40):
-        """Send targets at a place that runs on, ``speed`` at most, until so many were refused; return the first text."""
+        """Send targets at a place that runs on until so many were refused; return the first text."""
         place = fast = 0.0
         refusals = []
         while len(refusals) < tries:
@@ -208,7 +208,7 @@ def test_where_the_stream_itself_would_touch_the_guard_brakes_it_and_the_mode_en
 def test_where_it_is_only_to_be_logged_pose_targets_go_on():
     stream = Stream(WALL, guard_motion="warn")
     target_at = shifted(stream.arm, (0.0, 1.0, 0.0))
-    assert all([stream.take(target_at(0.001 * step)) for step in range(280)])
+    assert all(stream.take(target_at(0.001 * step)) for step in range(280))
     assert stream.least < 0.0
 
 

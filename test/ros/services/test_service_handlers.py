@@ -61,7 +61,7 @@ def handlers(arm, **parameters):
     return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds(), getattr(arm, "shown", []).append)
 
 
-@pytest.mark.parametrize("led, message", [("", "accepted"), ("joint 2 is led to 1 rad", "accepted; joint 2 is led to 1 rad")])
+@pytest.mark.parametrize("led, message", [("", "accepted"), ("joint 2 is led away", "accepted; joint 2 is led away")])
 def test_a_servo_target_that_is_led_inside_the_limits_says_so_in_its_reply(arm, led, message):
     arm.servo_target = lambda command: led
     outcome = handlers(arm).servo_target(c.ServoJoint((0.0,) * 6))
