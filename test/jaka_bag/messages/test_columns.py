@@ -1,9 +1,10 @@
 """Columns of messages: one long text costs what it is long, and no text loses what is in it."""
+import struct
 import tracemalloc
 
 import numpy as np
 import pytest
-from log_samples import START_NS, Sample, connection, text, write
+from log_samples import BREAK, START_NS, Sample, connection, text, write
 
 from jaka_bag.containers.registry import open_log
 from jaka_bag.messages.selection import Selection
@@ -11,6 +12,7 @@ from jaka_bag.operations.columns import read_columns
 from jaka_bag.operations.export import export
 
 LOG = connection("/log", "std_msgs/String", "string data\n")
+WORDS = connection("/log", "cell/Words", "string[] data\n")
 LONG = "x" * 300000
 BOUND = 150 << 20
 """Byte: far above what the messages need, far below one width for all of them, 6 GB."""
@@ -74,3 +76,33 @@ def test_zeros_at_the_end_of_a_text_are_kept(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     exported(log, tmp_path / "log.parquet")
     assert parquet.read_table(str(tmp_path / "log.parquet"))["data"].to_pylist() == words
+
+
+def test_zeros_at_the_end_of_a_text_in_an_array_are_kept(tmp_path):
+    rows = [["E100\0\0", "a"], ["E100", "b"], ["E100", "\0"], [], ["c"]]
+    log = write(tmp_path / "log.mcap", [Sample(WORDS, START_NS + i, struct.pack("<I", len(row)) + b"".join(
+        map(text, row))) for i, row in enumerate(rows)])
+    column = read_columns(log)[WORDS.topic].fields["data"]
+    assert [list(map(bytes, row)) for row in column] == [[word.encode() for word in row] for row in rows]
+    exported(log, tmp_path / "log.csv")
+    with open(str(tmp_path / "log.csv"), encoding="utf-8", newline="") as lines:
+        assert [line.rstrip("\r\n").split(",")[1:] for line in lines][1:] == [
+            row + [""] * (2 - len(row)) for row in rows]
+    exported(log, tmp_path / "log.npz")
+    words = [word for row in rows for word in row]
+    with np.load(str(tmp_path / "log.npz"), allow_pickle=False) as arrays:
+        assert arrays["log/data"].tobytes() == "".join(words).encode()
+        assert arrays["log/data.sizes"].tolist() == list(map(len, words))
+        assert arrays["log/data.lengths"].tolist() == list(map(len, rows))
+    parquet = pytest.importorskip("pyarrow.parquet")
+    exported(log, tmp_path / "log.parquet")
+    assert parquet.read_table(str(tmp_path / "log.parquet"))["data"].to_pylist() == rows
+
+
+def test_an_array_of_messages_without_fields_is_a_column_of_their_number(tmp_path):
+    kind = connection("/log", "cell/Signals", "Nothing[] some\nNothing[2] two\nint8 last\n" + BREAK
+                      + "MSG: cell/Nothing\n")
+    log = write(tmp_path / "log.mcap", [Sample(kind, START_NS + i, struct.pack("<Ib", count, 7))
+                                        for i, count in enumerate((2, 0, 5))])
+    fields = read_columns(log)[kind.topic].fields
+    assert sorted(fields) == ["last", "some"] and fields["some"].tolist() == [2, 0, 5]

@@ -28,8 +28,9 @@ class Columns(NamedTuple):
         fields: By dotted name (``header.stamp``, ``pose.position.x``), first axis is the message. Times and durations
             are int64 ns; strings are numpy byte strings (``S``), or objects, one ``bytes`` a message, where one ends
             with a zero or a long one would widen many short ones; arrays have a second axis, or are objects, one array
-            a message, where their length changes. Arrays of messages are spread over their fields, the elements one
-            after the other (``transforms.header.stamp``).
+            a message, where their length changes or a text in them ends with a zero. Arrays of messages are spread over
+            their fields, the elements one after the other (``transforms.header.stamp``); those of messages without
+            fields are their number.
     """
 
     connection: Connection
@@ -48,23 +49,26 @@ def _strings(matrix: Array, leaf: Leaf) -> Array:
     return padded.view("S%d" % width)[:, :, 0]
 
 
-def _exact_strings(matrix: Array) -> Array:
+def _exact_strings(matrix: Array, leaf: Leaf) -> Array:
     """Return texts as objects: ``S`` would lose the zeros at their end."""
     made = np.empty(len(matrix), object)
-    made[:] = [row.tobytes() for row in matrix]
+    for place, row in enumerate(matrix):
+        texts = [row[at:at + count].tobytes() for at, count in zip(leaf.offsets, leaf.counts)]
+        made[place] = np.array(texts, object) if leaf.is_array else texts[0]
     return made
 
 
 def is_ragged(column: Array) -> bool:
-    """Return whether a column has an array a message whose length changes; texts as objects are none."""
+    """Return whether a column is objects, one array a message; texts as objects are none."""
     return column.dtype == object and not (len(column) > 0 and isinstance(column[0], bytes))
 
 
 def leaf_values(matrix: Array, leaf: Leaf) -> Array:
     """Return a field of messages of one layout: shape (n,), or (n, values) for an array."""
     if leaf.type == "string":
-        if not leaf.is_array and leaf.counts[0] and not matrix[:, leaf.offsets[0] + leaf.counts[0] - 1].all():
-            return _exact_strings(matrix[:, leaf.offsets[0]:leaf.offsets[0] + leaf.counts[0]])
+        ends = [at + count - 1 for at, count in zip(leaf.offsets, leaf.counts) if count]
+        if not matrix[:, ends].all():
+            return _exact_strings(matrix, leaf)
         values = _strings(matrix, leaf)
     else:
         kind = _TYPES[leaf.type]

@@ -106,6 +106,9 @@ class _Walker:
             if least == 0:  # messages of nothing but constants have no bytes
                 if count > _MOST_EMPTY:
                     raise DefinitionError("a message has an array of %d empty messages" % count)
+                if field.array is not None and field.array < 0:  # their number is all that they say
+                    self.at -= 4
+                    self._leaf(name, "uint32", 1, 4, is_array)
                 continue
             self._count_one()
             if count == 0:
@@ -123,7 +126,9 @@ class _Walker:
             self.runs.setdefault(name, (type_name, [], [], True))
             return
         for field in self._types[type_name].fields:
-            self._declare(field.type, "%s.%s" % (name, field.name))
+            is_empty = field.array is not None and field.array < 0 and not least_size(
+                field.type, self._types, self._least)
+            self._declare("uint32" if is_empty else field.type, "%s.%s" % (name, field.name))
 
 
 def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layout:

@@ -14,7 +14,7 @@ from ..containers.contract import LogReader
 from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError, DefinitionError
 from ..messages.batch import Array
-from ..messages.columns import leaf_values
+from ..messages.columns import is_ragged, leaf_values
 from ..messages.layout import Layout, Leaf, is_bytes
 from ..messages.selection import MessageFilter, Selection
 from ..messages.table_names import column_names, meetings, unique_names
@@ -63,7 +63,10 @@ def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
     values = leaf_values(rows, leaf)
     if is_bytes(leaf):
         return [[row.tobytes().hex() for row in values]]
-    columns = [values] if values.ndim == 1 else [values[:, i] for i in range(values.shape[1])]
+    if leaf.is_array and values.dtype == object:
+        columns = [np.array([row[i] for row in values], object) for i in range(len(leaf.counts))]
+    else:
+        columns = [values] if values.ndim == 1 else [values[:, i] for i in range(values.shape[1])]
     cells: List[List[Any]] = []
     for column in columns:
         if leaf.type == "string":
@@ -136,8 +139,12 @@ def _add_topic(archive: zipfile.ZipFile, reader: LogReader, topic: str, base: st
         name = names[field]
         if values.dtype == object:
             _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
-            values = np.frombuffer(b"".join(values), np.uint8) if isinstance(values[0], bytes) else np.concatenate(
-                list(values))
+            if is_ragged(values):
+                values = np.concatenate(list(values))
+                if values.dtype == object:  # texts, one of which ends with a zero
+                    _add_array(archive, "%s/%s.sizes" % (base, name), np.array([len(v) for v in values], np.int64))
+        if values.dtype == object:
+            values = np.frombuffer(b"".join(values), np.uint8)
         _add_array(archive, "%s/%s" % (base, name), values)
     return len(columns.log_time)
 

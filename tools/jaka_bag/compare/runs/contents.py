@@ -8,7 +8,7 @@ import numpy as np
 from ...messages.batch import Array
 from ...messages.columns import Columns, is_ragged
 from ...units import NS_PER_S
-from .publishers import by_length, name_of, spread
+from .publishers import by_length, name_of, spread, text_of
 from .run import Contents
 
 TRANSFORM_TYPES = ("tf2_msgs/TFMessage", "tf/tfMessage")
@@ -118,13 +118,13 @@ class Splitter:
     def _keys(self, name: str, column: Array) -> Array:
         """Return whole numbers as they are, of other values a key each, int64, shape (n,)."""
         if column.dtype.kind in "iub" and column.ndim == 1:
-            return column.astype(np.int64)
+            return whole_numbers(column)
         if not len(column):
             return np.zeros(0, np.int64)
         if column.dtype == object:
             begins = np.arange(len(column))
         else:
-            rows = column.reshape(len(column), -1)
+            rows = as_bytes(column.reshape(len(column), -1))
             begins = np.flatnonzero(np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)]))
         labels = self.labels.setdefault(name, {})
         is_goal_id = _GOAL_IDS.fullmatch(name) is not None
@@ -132,22 +132,39 @@ class Splitter:
         return np.repeat(np.array(keys, np.int64), np.diff(begins, append=len(column)))
 
 
+def as_bytes(column: Array) -> Array:
+    """Return flags as the bytes that they are in a message, for any byte but zero is true; other values as they are."""
+    return column.view(np.uint8) if column.dtype == bool else column
+
+
+def whole_numbers(column: Array) -> Array:
+    """Return whole numbers or flags as int64."""
+    numbers: Array = as_bytes(column).astype(np.int64)
+    return numbers
+
+
 def _of_any_run(goal_ids: Array) -> Array:
-    ids = np.asarray(goal_ids)
-    return np.array([_OF_ONE_RUN.sub(b"", one) for one in ids.reshape(-1).tolist()], "S").reshape(ids.shape)
+    ids = _exact(goal_ids)
+    return np.array([_OF_ONE_RUN.sub(b"", one) for one in ids.reshape(-1).tolist()], object).reshape(ids.shape)
+
+
+def _exact(value: Array) -> Array:
+    """Return a value as an array; texts as objects, for ``S`` has no zeros at the end."""
+    return np.asarray(value, object if isinstance(value, bytes) else None)
 
 
 def _key(value: Array, labels: Dict[int, str]) -> int:
-    value = np.asarray(value)
+    value = _exact(value)
     raw = repr(value.tolist()).encode() if value.dtype.kind in "SO" else value.tobytes()
     key = digest(raw)
+    if value.dtype == bool and (value.view(np.uint8) > 1).any():
+        value = value.view(np.uint8)
     if key not in labels and len(labels) < _MOST_LABELS:
         if value.ndim == 0:
-            text = bytes(value.item()).decode("utf-8", "replace")
+            text = text_of(value.item())
             labels[key] = repr(text if len(text) <= _LABEL_LETTERS else text[:_LABEL_LETTERS] + "...")
         elif value.size <= _LABEL_VALUES:
-            labels[key] = str([one.decode("utf-8", "replace") if isinstance(one, bytes) else one
-                               for one in value.tolist()])
+            labels[key] = str([text_of(one) if isinstance(one, bytes) else one for one in value.tolist()])
         else:
             labels[key] = "%d values (%016x)" % (value.size, key & (1 << 64) - 1)
     return key
@@ -209,7 +226,7 @@ def _transforms(columns: Columns) -> Numbers:
     for i, parents in enumerate(fields["transforms.header.frame_id"]):
         values = [fields[part][i] for part in parts]
         for k, (parent, child) in enumerate(zip(parents, fields["transforms.child_frame_id"][i])):
-            frame = "%s > %s" % tuple(bytes(name).decode("utf-8", "replace") for name in (parent, child))
+            frame = "%s > %s" % tuple(map(text_of, (parent, child)))
             which, rows = found.setdefault(frame, ([], []))
             which.append(i)
             stamp = int(fields["transforms.header.stamp"][i][k])

@@ -25,8 +25,8 @@ from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TY
 from ...paths import PathLike
 from ...units import NS_PER_S
 from ..tolerances import Tolerances
-from .contents import AGE, NUMBERS, TRANSFORM_TYPES, Collector, Splitter, by_bytes
-from .publishers import Part, Publishers, by_length, main_one, matrix, name_of, publishers_of, spread
+from .contents import AGE, NUMBERS, TRANSFORM_TYPES, Collector, Splitter, as_bytes, by_bytes, whole_numbers
+from .publishers import Part, Publishers, by_length, main_one, matrix, name_of, publishers_of, spread, text_of
 from .run import Arrivals, Call, LongTrack, Run, Stream, Track
 from .track_facts import FactsBuilder, StateChanges
 from .windows import LogWindows, Rows, TrackKey, samples_of
@@ -49,19 +49,15 @@ def _stamps(columns: Columns) -> Optional[Array]:
 
 def _joint_names(columns: Columns, count: int, row: int) -> Sequence[str]:
     names = columns.fields["name"]
-    texts = [_text(name) for name in (names[row] if len(names) else ())]
+    texts = [text_of(name) for name in (names[row] if len(names) else ())]
     return texts if len(texts) == count else ["joint_%d" % (i + 1) for i in range(count)]
-
-
-def _text(value: bytes) -> str:
-    return bytes(value).decode("utf-8", "replace")
 
 
 def _texts(column: Array) -> Tuple[str, ...]:
     """Return the different texts of a column, sorted."""
     if len(column) and (column == column[0]).all():
-        return (_text(column[0]),)
-    return tuple(sorted({_text(value) for value in np.unique(column)}))
+        return (text_of(column[0]),)
+    return tuple(sorted({text_of(value) for value in np.unique(column)}))
 
 
 def _raw(value: Array) -> bytes:
@@ -274,7 +270,7 @@ class _Loader:
         elif kind in STATE_TYPES:
             names = [name for name, column in fields.items()
                      if column.ndim == 1 and column.dtype.kind in "iub" and not name.startswith("header.")]
-            values[""] = (np.stack([fields[name].astype(np.int64) for name in names], axis=1), None)
+            values[""] = (np.stack([whole_numbers(fields[name]) for name in names], axis=1), None)
             self._names[topic] = tuple(names)
         elif kind == CALL_TYPE and scan is not None:
             scan.calls += self._calls(topic, columns, log_time if stamp is None else stamp)
@@ -330,7 +326,7 @@ class _Loader:
         column = columns.fields.get(name)
         if column is None or column.dtype.kind not in "biufO" or column.dtype == object and not is_ragged(column):
             raise BagError("%s: %s has no numeric field %s" % (self._reader.path, topic, name))
-        column = column if column.ndim == 2 or column.dtype == object else column[:, None]
+        column = as_bytes(column if column.ndim == 2 or column.dtype == object else column[:, None])
         if them is not None:
             self._assumed.lengths.setdefault((topic, name), 0)
             found = self._by_publisher(topic, them, name, column)
@@ -394,10 +390,10 @@ class _Loader:
     def _calls(self, topic: str, columns: Columns, starts: Array) -> List[Call]:
         fields = columns.fields
         return [
-            Call(topic, start, float(fields["duration"][i]) * self._time_scale, _text(fields["service"][i]),
-                 _text(fields["service_type"][i]), _text(fields["md5sum"][i]), _raw(fields["request"][i]),
-                 _raw(fields["response"][i]), bool(fields["success"][i]), _text(fields["error"][i]),
-                 _text(fields["request_text"][i]), _text(fields["response_text"][i]))
+            Call(topic, start, float(fields["duration"][i]) * self._time_scale, text_of(fields["service"][i]),
+                 text_of(fields["service_type"][i]), text_of(fields["md5sum"][i]), _raw(fields["request"][i]),
+                 _raw(fields["response"][i]), bool(fields["success"][i]), text_of(fields["error"][i]),
+                 text_of(fields["request_text"][i]), text_of(fields["response_text"][i]))
             for i, start in enumerate(starts.tolist())]
 
     # --- the whole ---------------------------------------------------------------------------------------------------

@@ -27,11 +27,16 @@ class Publishers(NamedTuple):
         return None if len(self.labels) == 1 else np.flatnonzero(self.number == place)
 
 
+def text_of(raw: bytes) -> str:
+    """Return a text of a message; bytes that are no UTF-8 become escapes, so that other bytes are another text."""
+    return bytes(raw).decode("utf-8", "backslashreplace")
+
+
 def label_of(count: int, names: Optional[Array]) -> str:
     """Return the label of a publisher of so many positions."""
     if names is None or len(names) != count or not count:
         return "%d values" % count
-    return " ".join(bytes(name).decode("utf-8", "replace") for name in names)
+    return " ".join(text_of(name) for name in names)
 
 
 def publishers_of(position: Array, names: Optional[Array], usual: Optional[Tuple[str, int]]) -> Publishers:
