@@ -96,7 +96,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "compare.audit": FLOOR | CONTAINERS | {"messages", "operations", "compare.tolerances", "compare.runs",
                                                "compare.matching", "compare"},
         "compare.report": FLOOR | {"messages", "operations", "compare.tolerances", "compare.runs", "compare.matching",
-                                   "compare.verdict", "compare.checks"},
+                                   "compare.verdict", "compare.checks", "compare.audit"},
         "cli": TOOLS | {"cli.main", "containers.rosbag2_folder"},
         "cli.main": {"", "cli", "jaka_blackbox.cli", "jaka_foxglove.cli", "jaka_fleet.cli", "jaka_regression"} | FLOOR,
         "__main__": {"cli.main"},

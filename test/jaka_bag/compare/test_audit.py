@@ -1,4 +1,6 @@
 """The audit of golden logs: what is planted is found, and what the tolerances let through is named."""
+from html import escape
+
 import pytest
 from content_logs import TOPICS
 from import_graph import ROOT
@@ -14,13 +16,49 @@ from jaka_bag.messages.values import ValueReader
 GOLDEN = ROOT / "test" / "data" / "golden"
 
 
+PAGE = ROOT / "docs" / "regression_testing.md"
+
+
 @pytest.mark.parametrize("path", sorted(GOLDEN.glob("*.mcap")), ids=lambda path: path.stem)
 def test_at_most_two_defects_of_a_golden_log_are_missed_and_their_reasons_are_known(path):
     findings = audit(path)
     missed = {finding.defect for finding in findings if finding.is_missed}
     assert len(missed) <= 2 and missed <= set(REASONS), missed
     assert len(findings) == len(DEFECTS) >= 60
-    assert sum(finding.is_planted for finding in findings) >= (35 if path.stem in ("boot", "io_sequence") else 60)
+    planted = sum(finding.is_planted for finding in findings)
+    assert planted >= (35 if path.stem in ("boot", "io_sequence") else 60)
+    row = "| `%s` | %d | %s |" % (path.stem, planted, "; ".join(
+        name for name in DEFECTS if name in missed) or "none")
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    for line in (row, *("| %s | %s |" % (name, REASONS[name]) for name in missed)):
+        assert line in lines, "docs/regression_testing.md lacks the line " + line
+
+
+def test_the_table_is_in_the_page_too(capsys, tmp_path):
+    page, golden = tmp_path / "audit.html", str(GOLDEN / "stop_in_mid_move.mcap")
+    assert main(["compare", "--audit", golden, "--html", str(page)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<tr>") == len(DEFECTS) + 1 and escape(lines[-1]) in text
+    for line in lines[:-1]:
+        name, _, fate = line.partition("  ")
+        assert escape(name) in text and escape(fate.strip()) in text
+    assert text.index("MISSED") < text.index("found by"), "what would be missed comes first"
+    assert main(["compare", "--audit", golden, "--html", str(page)]) == 2
+    assert "exists" in capsys.readouterr().err
+    assert main(["compare", "--audit", golden, "--html", golden]) == 2
+
+
+@pytest.mark.parametrize("mode, option", [
+    *[(["--audit"], option) for option in (["--junit", "x"], ["--report", "x"], ["--json"], ["--strict"], ["-v"],
+                                           ["--time-scale", "2"])],
+    *[(["--learn", "."], option) for option in (["--html", "x"], ["--junit", "x"], ["--json"], ["-f"], ["--audit"])]])
+def test_an_option_that_has_no_effect_beside_an_audit_or_learning_is_refused(mode, option, capsys, tmp_path,
+                                                                              monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["compare", str(GOLDEN / "boot.mcap"), *mode, *option]) == 2
+    assert ("does not take" in capsys.readouterr().err) is (option != ["--audit"])
+    assert not (tmp_path / "x").exists()
 
 
 def test_wider_tolerances_miss_more(capsys, tmp_path):

@@ -13,6 +13,7 @@ from ..allocator import keep_freed_memory
 from ..compare.audit.auditing import audit, finding_line, summary
 from ..compare.comparison import CannotCompare, compare_logs
 from ..compare.learning import learn
+from ..compare.report.audit_page import audit_page
 from ..compare.report.failure import failure_texts
 from ..compare.report.html import as_html
 from ..compare.report.junit import as_junit
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen: .bag, .mcap, .db3, rosbag2 folder")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
     add("--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
-    add("--html", metavar="FILE", help="write a page to look at")
+    add("--html", metavar="FILE", help="write a page to look at, also with --audit")
     add("--junit", metavar="FILE", help="write JUnit XML, a test case for each check")
     add("--report", metavar="FILE", help="write the result as JSON")
     add("--json", action="store_true", help="the result as JSON on stdout")
@@ -75,20 +76,40 @@ def _compared(args: argparse.Namespace, tolerances: Tolerances) -> Comparison:
         raise
 
 
+def _check_report(args: argparse.Namespace, name: str) -> None:
+    if os.path.realpath(name) in [os.path.realpath(log) for log in (args.golden, args.candidate) if log]:
+        raise UsageError("%s is one of the logs" % name)
+    check_output(name, args.force)
+
+
+def _require_golden_alone(args: argparse.Namespace, mode: str, taken: Tuple[str, ...]) -> None:
+    """Raise UsageError where there is not one log, or an option that a mode does not take."""
+    if not args.golden or args.candidate:
+        raise UsageError("with %s one log is needed, the golden one" % mode)
+    others = [name for name in ("html", "junit", "report", "json", "force", "verbose", "strict", "quiet")
+              if getattr(args, name) and name not in taken]
+    if args.time_scale != 1.0:
+        others.append("time-scale")
+    if others:
+        raise UsageError("%s does not take --%s" % (mode, ", --".join(others)))
+
+
 def _audit(args: argparse.Namespace, tolerances: Tolerances) -> int:
     """Print the table of an audit; return 0 where no defect is missed, else 1."""
-    if not args.golden or args.candidate:
-        raise UsageError("with --audit one log is needed, the golden one")
+    _require_golden_alone(args, "--audit", ("html", "force", "quiet"))
+    if args.html:
+        _check_report(args, args.html)
     findings = audit(args.golden, tolerances, lambda finding: None if args.quiet else print(
         printable(finding_line(finding)), flush=True))
+    if args.html:
+        write_text(args.html, audit_page(args.golden, findings, tolerances), args.force)
     print(printable(summary(findings)))
     return 1 if any(finding.is_missed for finding in findings) else 0
 
 
 def _learn(args: argparse.Namespace, tolerances: Tolerances) -> int:
     """Print what good runs teach, as a tolerance file; tell which of them the others do not cover."""
-    if not args.golden or args.candidate:
-        raise UsageError("with --learn one log is needed, the golden one")
+    _require_golden_alone(args, "--learn", ("quiet",))
     if not os.path.isdir(args.learn):
         raise UsageError("--learn: %s is no folder" % args.learn)
     good = sorted(path for path in Path(args.learn).iterdir() if path.suffix in (".bag", ".mcap"))
@@ -113,6 +134,8 @@ def run(args: argparse.Namespace) -> int:
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
             return 0
+        if args.learn and args.audit:
+            raise UsageError("--audit and --learn are two questions: ask one at a time")
         if args.learn:
             return _learn(args, tolerances)
         if args.audit:
@@ -120,9 +143,7 @@ def run(args: argparse.Namespace) -> int:
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
         for name in [name for name in (args.html, args.junit, args.report) if name]:
-            if os.path.realpath(name) in (os.path.realpath(args.golden), os.path.realpath(args.candidate)):
-                raise UsageError("%s is one of the logs" % name)
-            check_output(name, args.force)
+            _check_report(args, name)
         comparison = _compared(args, tolerances)
     except (CannotCompare, ToleranceError) as error:
         raise UsageError(str(error)) from error

@@ -1,7 +1,7 @@
 """The audit: each defect planted alone into a golden log, and what the comparison says to it."""
 import tempfile
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from ...paths import PathLike
 from ..comparison import CannotCompare, compare_runs
@@ -81,18 +81,21 @@ def audit(golden: PathLike, tolerances: Optional[Tolerances] = None,
     return findings
 
 
+def fate(finding: AuditedDefect) -> str:
+    """Return what became of a defect, in words."""
+    if finding.found_by:
+        return "found by " + ", ".join(finding.found_by)
+    if finding.is_planted:
+        return "MISSED: " + REASONS.get(finding.defect, "within the tolerances")
+    return "- (nothing in this log to plant it into)"
+
+
 def finding_line(finding: AuditedDefect) -> str:
     """Return one defect as a line of the table."""
-    if finding.found_by:
-        fate = "found by " + ", ".join(finding.found_by)
-    elif finding.is_planted:
-        fate = "MISSED: " + REASONS.get(finding.defect, "within the tolerances")
-    else:
-        fate = "- (nothing in this log to plant it into)"
-    return "%-46s %s" % (finding.defect, fate)
+    return "%-46s %s" % (finding.defect, fate(finding))
 
 
-def summary(findings: List[AuditedDefect]) -> str:
+def summary(findings: Sequence[AuditedDefect]) -> str:
     """Return the numbers of defects planted and missed, in one line."""
     planted = [finding for finding in findings if finding.is_planted]
     missed = [finding.defect for finding in planted if finding.is_missed]
