@@ -11,7 +11,7 @@ trajectories  FollowJointTrajectory, and trajectories by topic
 action_server    of actionlib, without a traceback at the node's end
 jaka_types    the service types of the installed jaka_msgs, and which it lacks
 other_messages   types of control_msgs and industrial_msgs, installed or made at start
-frame_table   the tool and user frames that the controller has stored
+frame_table   the tool and user frames that the controller has stored, its load and collision level
 metrics       the page for Prometheus, where a port is given for it
 model_check   comparison of the controller's pose with the arm model
 direct_publisher   publishers that write to their listeners in the publishing thread

@@ -1,8 +1,8 @@
-"""The tools and user frames that the controller has stored, read again whenever they may have changed."""
+"""The tools, user frames, load and collision level of the controller, read again whenever they may have changed."""
 import contextlib
 import logging
 import threading
-from typing import Iterator, Optional, Tuple
+from typing import Any, Iterator, Optional, Tuple
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -23,7 +23,10 @@ Frames = Tuple[Transform, ...]
 
 
 class FrameReader:
-    """The ``flange_T_tool`` and ``base_T_user`` by id, read by a thread of its own; None while they are not known."""
+    """The reader of frames, ``flange_T_tool`` and ``base_T_user`` by id, and load, with a thread of its own.
+
+    Each is None while it is not known.
+    """
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
@@ -32,6 +35,10 @@ class FrameReader:
         self._users: Optional[Frames] = None
         self._changes = 0
         """Number of beginnings and ends of changes; odd while a change is being made."""
+        self._payload: Optional[c.SetPayload] = None
+        self._collision_level: Optional[int] = None
+        self._load_changes, self._load_changing = 0, 0
+        """Numbers of beginnings and ends of changes of the load, and of those that are being made."""
         self._connections = 0
         self._wake = threading.Event()
         self._is_closing = False
@@ -60,6 +67,26 @@ class FrameReader:
             self._forget()
             self._wake.set()
 
+    @contextlib.contextmanager
+    def changing_load(self) -> Iterator[None]:
+        """Set load or collision level within this context, as ``changing`` has it; several threads may use it."""
+        self._forget_load(1)
+        try:
+            yield
+        finally:
+            self._forget_load(-1)
+            self._wake.set()
+
+    @property
+    def payload(self) -> Optional[c.SetPayload]:
+        """The load at the active tool."""
+        return self._payload
+
+    @property
+    def collision_level(self) -> Optional[int]:
+        """The collision sensitivity, 0 (off) to 5."""
+        return self._collision_level
+
     def flange_t_tool(self, state: RobotState) -> Optional[Transform]:
         """Return the active tool in the flange frame, m."""
         return frame_of(self._tools, state.tool_id)
@@ -73,6 +100,14 @@ class FrameReader:
             self._changes += 1
             self._tools = self._users = None
             self._arm.know_tools(None)
+        self._forget_load(0)  # another tool has another load
+
+    def _forget_load(self, more: int) -> None:
+        """Forget the load, of which so many more changes are being made."""
+        with self._lock:
+            self._load_changing += more
+            self._load_changes += 1
+            self._payload = self._collision_level = None
 
     def _run(self) -> None:
         waited = _READ_PERIOD_S
@@ -86,21 +121,29 @@ class FrameReader:
             waited += _CHECK_PERIOD_S
 
     def _read_all(self) -> bool:
-        """Read both tables; return False, and forget none, where the controller holds its replies back."""
-        changes = self._changes
+        """Read frames and load; return False, and forget none, where the controller holds its replies back."""
+        changes, load_changes = self._changes, self._load_changes
         try:
-            tools, users = self._read(c.Query.TOOL_FRAMES), self._read(c.Query.USER_FRAMES)
+            tools, users = self._read_frames(c.Query.TOOL_FRAMES), self._read_frames(c.Query.USER_FRAMES)
+            payload, level = self._read(c.Query.PAYLOAD), self._read(c.Query.COLLISION_LEVEL)
         except InvalidCommand:
             return False
         with self._lock:
             if changes == self._changes and changes % 2 == 0:
                 self._tools, self._users = tools, users
                 self._arm.know_tools(tools)
+            if load_changes == self._load_changes and not self._load_changing:
+                self._payload, self._collision_level = payload, level
         return True
 
-    def _read(self, query: c.Query) -> Optional[Frames]:
+    def _read_frames(self, query: c.Query) -> Optional[Frames]:
+        poses = self._read(query)
+        return None if poses is None else tuple(map(transform_from_pose, poses))
+
+    def _read(self, query: c.Query) -> Any:
+        """Return the controller's answer; None where it does not tell."""
         try:
-            return tuple(transform_from_pose(pose) for pose in self._arm.execute(query))
+            return self._arm.execute(query)
         except InvalidCommand:
             raise
         except JakaError as error:

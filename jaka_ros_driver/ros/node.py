@@ -133,7 +133,8 @@ class DriverNode:
         self._sensors = SensorPublishers(self._arm, self._publishers.stamps, FrameNames(config).flange)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
         self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
-        self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
+        self._diagnostics = Diagnostics(
+            self._arm, config, self._frames, ModelCheck(self._arm, self._frames), self._audit)
         self._metrics = metrics_of(self._arm, config, self._audit, package_version())
         self._master_watch = MasterWatch(self._set_parameters)
         self._simulated = direct_publisher("~simulated", Bool, 1, latch=True)

@@ -14,7 +14,8 @@ from jaka_regression.preconditions import (
     untold,
 )
 
-TOLD_NOW = {"model": "zu7", "interface": "documented", "tool": "1", "user-frame": "0", "override": "1.0"}
+TOLD_NOW = {"model": "zu7", "interface": "documented", "tool": "1", "user-frame": "0", "override": "1.0",
+            "payload": "1.25 kg at 0, -0.01, 0.05 m", "collision-level": "4"}
 JOINTS = (0.0, 1.57, -1.57, 1.57, 1.57, 0.0)
 POSE = (0.4, 0.1, 0.3, 3.0, 0.5, 0.2)
 PLACE = ToolPlace(JOINTS, POSE, ("base_link",))
@@ -34,11 +35,14 @@ def test_a_drivers_own_statuses_tell_its_conditions():
     assert conditions_in(both, "/jaka_driver") == TOLD_NOW
     assert conditions_in(both, "/left/jaka_driver")["model"] == "zu12"
     assert conditions_in(both, "/right/jaka_driver") == {}
-    assert "override" not in conditions_in(statuses("jaka_driver", override="None"), "/jaka_driver")
+    unknown = conditions_in(statuses("jaka_driver", override="None", payload="unknown"), "/jaka_driver")
+    assert "override" not in unknown and "payload" not in unknown
 
 
 @pytest.mark.parametrize("key, other", [("model", "zu12"), ("interface", "vendor"), ("tool", "0"),
-                                        ("user-frame", "2"), ("override", "0.5")])
+                                        ("user-frame", "2"), ("override", "0.5"), ("collision-level", "3"),
+                                        ("payload", "1.3 kg at 0, -0.01, 0.05 m"),
+                                        ("payload", "1.25 kg at 0, 0.01, 0.05 m")])
 def test_each_condition_that_is_another_one_now_is_a_difference(key, other):
     found = differences(TOLD_NOW, dict(TOLD_NOW, **{key: other}))
     assert [difference.key for difference in found] == [key]
@@ -49,7 +53,7 @@ def test_what_only_one_of_them_tells_is_named_as_not_compared():
     assert differences(TOLD_NOW, {"model": "zu7"}) == []
     assert untold(TOLD_NOW, {"model": "zu7", "override": "1"}) == [
         "interface", "tool", "user frame", "payload", "collision level"]
-    assert differences(TOLD_NOW, dict(TOLD_NOW, override="1")) == []
+    assert differences(TOLD_NOW, dict(TOLD_NOW, override="1", payload="1.25005 kg at 0, -0.01, 0.05 m")) == []
 
 
 @pytest.mark.parametrize("pose, frames, key", [

@@ -77,6 +77,7 @@ def test_nothing_moves_where_the_same_joints_put_the_tool_elsewhere(arm):
 
 def test_nothing_moves_under_another_condition_than_the_log_tells_of(arm, tmp_path):
     stand_at(arm, START)
+    assert arm.call("set_payload", tool_num=1, mass=0.0, xc=0.0, yc=0.0, zc=0.0).ret == 1  # tool 1 is active from here
     log = str(tmp_path / "log.mcap")
     with subprocess.Popen([*command_of("jaka_bag"), "record", "--state-log", "-O", log], stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True) as recorder:
@@ -89,17 +90,26 @@ def test_nothing_moves_under_another_condition_than_the_log_tells_of(arm, tmp_pa
             recorder.communicate(timeout=WAIT)
     stand_at(arm, START)
     assert arm.call("set_speed_slider", speed_slider_fraction=0.5).success
+    assert arm.call("set_payload", tool_num=1, mass=1.25, xc=0.0, yc=0.0, zc=50.0).ret == 1
+    assert arm.call("set_collisionlevel", is_enable=True, value=80).ret == 1
     try:
+        time.sleep(1.5)  # what comes next has been asked for since, and published
         with evidence_of(arm) as call_publisher:
             done = replay(log)
             assert done.returncode == 1, done.stdout
-            assert "the override was 1.0, and is 0.5 (--anyway override)" in done.stderr
+            assert "the override was 1.0, and is 0.5" in done.stderr
+            assert "the payload was 0 kg at 0, 0, 0 m, and is 1.25 kg at 0, 0, 0.05 m" in done.stderr
+            assert "the collision level was 3, and is 4" in done.stderr
+            assert "(--anyway override --anyway payload --anyway collision-level)" in done.stderr
             assert not call_publisher()
     finally:
         assert arm.call("set_speed_slider", speed_slider_fraction=1.0).success
+        assert arm.call("set_payload", tool_num=1, mass=0.0, xc=0.0, yc=0.0, zc=0.0).ret == 1
+        assert arm.call("set_collisionlevel", is_enable=True, value=60).ret == 1
+    time.sleep(1.5)
     done = replay(log)
     assert done.returncode == 0, done.stderr
-    assert "not compared, for it is not told: payload, collision level" in done.stdout
+    assert "not compared" not in done.stdout, "all of it is told"
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rosgraph
 import rospy
+from action_bench import PathClient, joint
 from driver_bench import HOME
 from import_graph import ROOT
 from program_places import command_of
@@ -97,7 +98,7 @@ def joints_of(arm):
 
 
 def to_targets(arm):
-    """Move the arm by a goal, a trajectory of the topic, a jog and servo targets."""
+    """Move the arm by a goal, a path, a trajectory of the topic, a jog and servo targets."""
     names = ["joint_%d" % number for number in range(1, 7)]
     client = TrajectoryClient(CONTROLLER + "/follow_joint_trajectory", 10.0)
     goals = client._client.action_client.pub_goal
@@ -105,6 +106,12 @@ def to_targets(arm):
     there, none = np.array([AWAY]), np.zeros((1, 6))
     assert client.follow(names, np.array([1.5]), there, none, none, threading.Event()).succeeded
     client.close()
+    paths = PathClient(DRIVER + "/move_path")
+    assert eventually(lambda: paths._client.pub_goal.get_num_connections() >= 2), "driver, recorder"
+    rospy.sleep(_REST_S)
+    assert paths.run([joint([0.35, *HOME[1:]], 0.5, 2.0), joint(AWAY, 0.5, 2.0)])[0] == "SUCCEEDED"
+    paths.close()
+    rospy.sleep(_REST_S)
     command = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
     jog = rospy.Publisher(DRIVER + "/jog_joints", JointState, queue_size=10)
     servo = rospy.Publisher(DRIVER + "/servo_j_command", JointState, queue_size=10)
@@ -152,9 +159,10 @@ def test_goals_trajectories_jog_and_servo_targets_are_in_the_log_and_are_what_mo
     found = [one for one in inputs_of(moved[0], run) if isinstance(one, SentMessage)]
     counts = {topic: sum(one.connection.topic == topic for one in found) for topic in input_topics(run)}
     assert counts[CONTROLLER + "/follow_joint_trajectory/goal"] == 1 and counts[CONTROLLER + "/command"] == 1
+    assert counts[DRIVER + "/move_path/goal"] == 1
     assert counts[DRIVER + "/jog_joints"] == 25 and counts[DRIVER + "/servo_j_command"] == 50
-    goal = next(one for one in found if one.goal_id)
-    assert goal.success and 1.0 < goal.duration < 10.0
+    goals = [one for one in found if one.goal_id]
+    assert len(goals) == 2 and all(goal.success and 0.3 < goal.duration < 10.0 for goal in goals)
     assert uncaused_motions(run, inputs_of(moved[0], run), {}) == []
     assert len(uncaused_motions(run, run.calls, {})) >= 3, "calls alone do not explain them"
 
@@ -165,7 +173,7 @@ def test_they_are_made_again_and_the_arm_ends_where_it_did(arm, moved):
     done = subprocess.run([*command_of("jaka_bag"), "replay-commands", str(path)], capture_output=True, text=True,
                           timeout=WAIT)
     assert done.returncode == 0, done.stderr
-    assert "2 calls made, 77 messages sent" in done.stdout
+    assert "2 calls made, 78 messages sent" in done.stdout
     assert joints_of(arm) == pytest.approx(end, abs=5e-3)
 
 
@@ -195,15 +203,19 @@ def test_a_log_of_goals_and_targets_happens_again(moved, tmp_path):
 
 @pytest.fixture
 def fitted(arm):
-    """Fit an arm with a gripper: a tool, a user frame, half the speed, an output that is on; take them back."""
+    """Fit an arm with a gripper: tool, load, user frame, half the speed, an output that is on; take them back."""
     stand_at(arm, AWAY)
     assert arm.call("set_toolframe", pose=[0.0, 5.0, 120.0, 0.1, 0.2, 0.3], tool_num=2).ret == 1
     assert arm.call("set_userframe", pose=[300.0, 100.0, 50.0, 0.0, 0.0, 0.5], user_num=3).ret == 1
+    assert arm.call("set_payload", tool_num=2, mass=1.25, xc=0.0, yc=-10.0, zc=50.0).ret == 1
+    assert arm.call("set_collisionlevel", is_enable=True, value=80).ret == 1
     assert arm.call("set_speed_slider", speed_slider_fraction=0.5).success
     assert arm.call("set_io", signal="digital", type=0, index=4, value=1.0).ret == 1
     yield arm
     arm.call("set_io", signal="digital", type=0, index=4, value=0.0)
     arm.call("set_speed_slider", speed_slider_fraction=1.0)
+    assert arm.call("set_payload", tool_num=2, mass=0.0, xc=0.0, yc=0.0, zc=0.0).ret == 1
+    assert arm.call("set_collisionlevel", is_enable=True, value=60).ret == 1
     for service, number in (("set_toolframe", {"tool_num": 2}), ("set_userframe", {"user_num": 3})):
         assert arm.call(service, pose=[0.0] * 6, **number).ret == 1
 
@@ -221,6 +233,7 @@ def test_a_log_of_a_fitted_arm_happens_again(fitted, tmp_path):
     assert state["joints"] == pytest.approx(AWAY, abs=1e-3) and state["speed_override"] == 0.5
     assert state["tool"]["id"] == 2 and state["tool"]["offset"][:3] == pytest.approx([0.0, 0.005, 0.12])
     assert state["user_frame"]["id"] == 3 and state["user_frame"]["offset"][5] == pytest.approx(0.5)
+    assert state["payload"] == {"mass": 1.25, "centroid": [0.0, -0.01, 0.05]} and state["collision_level"] == 4
     assert state["terminals"]["cabinet"]["digital_outputs"] == {4: 1.0}
     found = replay(log, tmp_path / "again", load_tolerances(BUSY_HOST))
     assert found.same, found.summary

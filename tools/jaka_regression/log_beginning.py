@@ -1,4 +1,4 @@
-"""The state in which a log begins, for the simulated controller in its replay: joints, frames, terminals, programs."""
+"""The state in which a log begins, for the simulated controller in its replay: joints, frames, load, terminals."""
 import math
 from dataclasses import replace
 from typing import Any, Dict, List, Mapping, Optional
@@ -10,7 +10,7 @@ from jaka_bag.errors import BagError
 from jaka_bag.messages.selection import Selection
 from jaka_bag.messages.values import ValueReader
 
-from .preconditions import conditions_of_log, log_begins_ns
+from .preconditions import conditions_of_log, log_begins_ns, numbers_in
 from .scenario import BANKS, IO_TOPIC, Scenario
 
 _SIDES = ("digital_inputs", "digital_outputs", "analog_inputs", "analog_outputs")
@@ -24,8 +24,6 @@ _SUFFIXES = (".jks", ".ngc")
 
 def with_beginning(scenario: Scenario, run: Run) -> Scenario:
     """Return a scenario whose simulated controllers begin as the log does; what its ``state`` tells goes before.
-
-    The payload and the collision level are in no log: where they matter, ``state`` has to tell them.
 
     Raises:
         BagError: A tool or user frame was active, and neither the log nor the scenario tells where it is.
@@ -52,6 +50,11 @@ def _beginning(run: Run, arm: str, told: Mapping[str, Any]) -> Dict[str, Any]:
         found["speed_override"] = min(1.0, max(0.0, float(first[_OVERRIDE]["data"])))
     places = {one["child_frame_id"]: _offset(one["transform"]) for one in first.get(_FRAMES, {}).get("transforms", ())}
     active = conditions_of_log(run.path, node, log_begins_ns(run))
+    if "payload" in active:
+        mass, *centroid = numbers_in(active["payload"])
+        found["payload"] = {"mass": mass, "centroid": centroid}
+    if "collision-level" in active:
+        found["collision_level"] = int(active["collision-level"])
     for key, name in (("tool", "tool"), ("user_frame", "user-frame")):
         number = active.get(name, "0")
         ending = _TOOL if key == "tool" else _USER_FRAME + number

@@ -1,10 +1,10 @@
 """The conditions under which the calls of a log mean the same again: what differs forbids a replay.
 
 The same bytes move an arm elsewhere on another model, with another tool, or by another interface. Logs and drivers tell
-most of that on ``/diagnostics``; beside it, the same joints must put the tool at the same pose. The payload and the
-collision level are on no topic.
+that on ``/diagnostics``; beside it, the same joints must put the tool at the same pose.
 """
 import math
+import re
 from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -23,11 +23,16 @@ from .driver_inputs import Input, SentMessage
 from .uncaused_motions import MOVING_SERVICES
 
 TOLD = {"model": ("versions", "model"), "interface": ("versions", "interface"), "tool": ("controller state", "tool"),
-        "user-frame": ("controller state", "user frame"), "override": ("controller state", "speed override")}
+        "user-frame": ("controller state", "user frame"), "override": ("controller state", "speed override"),
+        "payload": ("controller state", "payload"), "collision-level": ("controller state", "collision level")}
 """The conditions that ``/diagnostics`` tells of: status and key of each."""
 KEYS = (*TOLD, "pose", "clock", "motion", "start")
 """All conditions, as ``--anyway`` names them."""
-_SAME_RATE = 0.005
+_SAME_NUMBER = {"override": 0.005, "payload": 1e-4}
+"""Amounts, by condition, by which its numbers may differ: of the override, and of kg and m."""
+_NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
+_TOLD_AGAIN_NS = 10 * NS_PER_S
+"""Time behind the first call after which a log tells of no further conditions: a driver tells all once a second."""
 _SAME_PLACE_M = 0.002
 """Distance, m, of two tools at the same joints that count as the same: noise of an arm at rest, and rounding."""
 _SAME_TURN_RAD = 0.005
@@ -100,9 +105,15 @@ def conditions_of_log(path: PathLike, node: str, until_ns: int) -> Dict[str, str
                 found.update(told)
             else:
                 found = {**told, **found}
-            if message.log_time > until_ns and len(found) == len(TOLD):
+            behind = message.log_time - until_ns
+            if behind > 0 and len(found) == len(TOLD) or found and behind > _TOLD_AGAIN_NS:
                 break
     return found
+
+
+def numbers_in(text: str) -> List[float]:
+    """Return the numbers of a condition: of ``1.2 kg at 0, 0, 0.05 m`` mass and centre."""
+    return [float(number) for number in _NUMBER.findall(text)]
 
 
 def differences(before: Conditions, now: Conditions) -> List[Difference]:
@@ -114,7 +125,7 @@ def differences(before: Conditions, now: Conditions) -> List[Difference]:
 def untold(before: Conditions, now: Conditions, has_pose: bool = True) -> List[str]:
     """Return the conditions that cannot be compared, in words; the tool's pose too where the log lacks it."""
     return [key.replace("-", " ") for key in TOLD if key not in before or key not in now] + (
-        [] if has_pose else ["tool pose"]) + ["payload", "collision level"]
+        [] if has_pose else ["tool pose"])
 
 
 def pose_difference(before: ToolPlace, now: ToolPlace) -> List[Difference]:
@@ -195,12 +206,10 @@ def _arm_of_input(topic: str) -> str:
 
 
 def _is_same(key: str, before: str, now: str) -> bool:
-    if key != "override":
+    if key not in _SAME_NUMBER or not numbers_in(before):
         return before == now
-    try:
-        return abs(float(before) - float(now)) <= _SAME_RATE
-    except ValueError:
-        return before == now
+    ours, theirs = numbers_in(before), numbers_in(now)
+    return len(ours) == len(theirs) and all(abs(a - b) <= _SAME_NUMBER[key] for a, b in zip(ours, theirs))
 
 
 def _is_in_millimetres(pose: Sequence[float]) -> bool:

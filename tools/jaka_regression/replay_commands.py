@@ -47,10 +47,10 @@ Makes the calls that the log's service_calls topics tell of again, against a liv
 the goals, trajectories, jog and servo targets of the log again, with their stamps moved to now. Each comes at its
 recorded time, but never before what it followed has ended; what overlapped overlaps again.
 
-Nothing moves where the log does not fit: model, interface, tool, user frame and speed override must be those of the
-log, where both tell of them on /diagnostics; the same joints must put the tool at the same pose; the log's clock must
-not have been set; each of its motions must have been begun by what is made again; and it must tell where an arm stood
-that is to move. --anyway KEY leaves one of these out. Payload and collision level are on no topic: set them.
+Nothing moves where the log does not fit: model, interface, tool, user frame, speed override, payload and collision
+level must be those of the log, where both tell of them on /diagnostics; the same joints must put the tool at the same
+pose; the log's clock must not have been set; each of its motions must have been begun by what is made again; and it
+must tell where an arm stood that is to move. --anyway KEY leaves one of these out.
 
 The arm must stand where the log began; --go-to-start moves it there first, slowly (0.2 rad/s), by joint_move: see
 that the way is free. The replay ends at the first call that is refused and was not in the log; then, as after Ctrl-C,
@@ -232,9 +232,9 @@ def _check_conditions(args: argparse.Namespace, client: Any, log: Run, node: str
     before = conditions_of_log(args.log, node, log_begins_ns(log))
     now = client.conditions(node, _TOLD_WITHIN_S)
     _require_same(args, differences(before, now), node)
-    if not args.quiet and not args.progress:
-        print("%s: not compared, for it is not told: %s" % (
-            node, ", ".join(untold(before, now, _pose_of(log, node) is not None))), flush=True)
+    missing = untold(before, now, _pose_of(log, node) is not None)
+    if missing and not args.quiet and not args.progress:
+        print("%s: not compared, for it is not told: %s" % (node, ", ".join(missing)), flush=True)
 
 
 def _pose_of(log: Run, node: str) -> Optional[LongTrack]:

@@ -103,8 +103,9 @@ class ServiceHandlers:
 
     def payload(self, payload: ToolPayload) -> ServiceOutcome:
         """Serve set_payload: select the tool, set its load, read it back."""
-        return ServiceOutcome(self._arm.run(
-            lambda core: settings.set_payload(core, payload.tool_id, payload.load), MotionOwner.SETTING))
+        with self._frames.changing_load():
+            return ServiceOutcome(self._arm.run(
+                lambda core: settings.set_payload(core, payload.tool_id, payload.load), MotionOwner.SETTING))
 
     def hand_guiding(self, active: bool) -> ServiceOutcome:
         """Serve drag_mode: switch hand guiding; off is served at any time."""
@@ -113,7 +114,7 @@ class ServiceHandlers:
 
     def collision_level(self, level: int) -> ServiceOutcome:
         """Serve set_collisionlevel: set it and read it back."""
-        with self._settings:
+        with self._settings, self._frames.changing_load():
             return ServiceOutcome(self._arm.run(lambda core: settings.set_collision_level(core, level)))
 
     def held_settings(self, _: None) -> ServiceOutcome:

@@ -17,6 +17,7 @@ from jaka_ros_driver.client.core.procedures.session import io_index_base
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.controller_profile import knowledge
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics.diagnostic_states import NO_STATES, state_of
@@ -45,9 +46,10 @@ class Diagnostics:
     other.
     """
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck,
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, model_check: ModelCheck,
                  audit: Optional[AuditLog]) -> None:
         self._arm = arm
+        self._frames = frames
         self._config = config
         self._model_check = model_check
         self._audit = audit
@@ -198,6 +200,10 @@ class Diagnostics:
         status.add("tool", str(state.tool_id))
         status.add("user frame", str(state.user_frame_id))
         status.add("speed override", str(state.rapid_rate))
+        payload, level = self._frames.payload, self._frames.collision_level
+        status.add("payload", "unknown" if payload is None else "%.6g kg at %.6g, %.6g, %.6g m" % (
+            payload.mass, *payload.centroid))
+        status.add("collision level", "unknown" if level is None else str(level))
         status.add("event", "0x%X %s" % (state.error_code, state.error_message))
 
     def _servo(self, status: DiagnosticStatusWrapper) -> None:

@@ -9,6 +9,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.convert import Terminal
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.state import IoBank, IoState, RobotState
@@ -58,7 +59,8 @@ def arm():
 
 
 def handlers(arm, **parameters):
-    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds(), getattr(arm, "shown", []).append)
+    return ServiceHandlers(
+        arm, DriverConfig(**parameters), FrameReader(arm), NoEnds(), getattr(arm, "shown", []).append)
 
 
 @pytest.mark.parametrize("led, message", [("", "accepted"), ("joint 2 is led away", "accepted; joint 2 is led away")])

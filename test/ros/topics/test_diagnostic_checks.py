@@ -10,6 +10,7 @@ from jaka_ros_driver.audit.chain import ChainLink
 from jaka_ros_driver.audit.log import Health
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
+from jaka_ros_driver.commands import SetPayload
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.controller_profile import ControllerProfile
@@ -60,7 +61,8 @@ class Bench:
             link_health=SimpleNamespace(command_is_up=True, status_is_up=True, connections=1, last_error="",
                                         damaged_replies=0, version="1.5", feed_period=0.008),
             feed_health=SimpleNamespace(rate=125.0, age=0.004, jitter=0.001, frames=100, damaged=0, last_damage=""))
-        self.checks = diagnostics.Diagnostics(self.arm, DriverConfig(), SimpleNamespace(
+        self.frames = SimpleNamespace(payload=SetPayload(1.25, (0.0, -0.01, 0.05)), collision_level=4)
+        self.checks = diagnostics.Diagnostics(self.arm, DriverConfig(), self.frames, SimpleNamespace(
             check=lambda state: self.deviation), SimpleNamespace(path="/audit", health=lambda: self.audit))
 
     def fresh_state(self):
@@ -95,6 +97,14 @@ def test_real_and_simulated_arms_are_told_apart(bench, is_simulated, level, word
     bench.arm.is_simulated = is_simulated
     found = bench.level("arm")
     assert found[0] == level and found[1].startswith(words)
+
+
+def test_load_and_collision_level_are_told_where_they_are_known(bench):
+    values = bench.look("controller state")[2]
+    assert (values["payload"], values["collision level"]) == ("1.25 kg at 0, -0.01, 0.05 m", "4")
+    bench.frames.payload = bench.frames.collision_level = None
+    values = bench.look("controller state")[2]
+    assert values["payload"] == values["collision level"] == "unknown"
 
 
 @pytest.mark.parametrize("is_simulated, kind", [(None, ""), (True, "simulated "), (False, "controller ")])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
+from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand
 from jaka_ros_driver.kinematics.rotations import IDENTITY, transform_from_pose
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.state import RobotState
@@ -18,11 +18,12 @@ WAIT_S = 10.0
 
 
 class Controller:
-    """An arm that answers the table's two questions; the first of them waits until ``may_answer``."""
+    """An arm that answers the table's questions; the first of them waits until ``may_answer``."""
 
     def __init__(self):
         self.link_health = SimpleNamespace(connections=1)
         self.tools, self.users = TOOLS, USERS
+        self.payload, self.level = c.SetPayload(1.5, (0.0, 0.0, 0.05)), 4
         self.known = "nothing"
         self.may_answer, self.was_asked, self.has_read = threading.Event(), threading.Event(), threading.Semaphore(0)
         self.may_answer.set()
@@ -35,6 +36,11 @@ class Controller:
         assert self.may_answer.wait(WAIT_S)
         if query is c.Query.TOOL_FRAMES:
             return self.tools
+        if query in (c.Query.PAYLOAD, c.Query.COLLISION_LEVEL):
+            answer = self.payload if query is c.Query.PAYLOAD else self.level
+            if answer is None:
+                raise CommandRejected(query.name, 1, "unknown")
+            return answer
         self.has_read.release()
         if self.users is None:
             raise ConnectionLost("no link")
@@ -173,7 +179,7 @@ def test_a_new_connection_is_noticed_within_a_quarter_of_a_second(table, control
 
     time.wait = connect_meanwhile
     table._run()
-    assert asked_at == pytest.approx([0.0, 0.0, 2.0, 2.0], abs=0.25)
+    assert asked_at == pytest.approx([0.0] * 4 + [2.0] * 4, abs=0.25)
 
 
 def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, controller):
@@ -181,6 +187,41 @@ def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, co
     read(table)
     assert table.base_t_user(state_with(user=1)) is None
     assert table.flange_t_tool(state_with(tool=1)) == transform_from_pose(TOOLS[1])
+
+
+def test_load_and_collision_level_are_read_and_what_the_controller_does_not_tell_is_unknown(table, controller):
+    assert table.payload is None and table.collision_level is None
+    read(table)
+    assert table.payload == c.SetPayload(1.5, (0.0, 0.0, 0.05)) and table.collision_level == 4
+    controller.payload = None
+    read(table)
+    assert table.payload is None and table.collision_level == 4
+
+
+@pytest.mark.parametrize("change", ["changing_load", "changing"])
+def test_inside_a_change_the_load_is_not_known_also_what_is_read_meanwhile(table, controller, change):
+    read(table)
+    with getattr(table, change)():
+        assert table.payload is None and table.collision_level is None
+        with table.changing_load():
+            pass
+        read(table)
+        assert change == "changing" or table.payload is None
+    assert table.payload is None and table.collision_level is None
+    controller.level = 2
+    assert read(table).collision_level == 2
+
+
+def test_a_load_that_was_asked_for_before_a_change_is_not_kept_after_it(table, controller):
+    controller.may_answer.clear()
+    reader = threading.Thread(target=table._read_all)
+    reader.start()
+    assert controller.was_asked.wait(WAIT_S)
+    with table.changing_load():
+        pass
+    controller.may_answer.set()
+    reader.join(WAIT_S)
+    assert table.payload is None and table.flange_t_tool(state_with(tool=1)) is not None
 
 
 def test_closing_waits_for_the_thread():
