@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--start-tolerance", type=positive_number, default=_REACH_RAD, metavar="RAD",
         help="how far each joint may be from where the log began (default %g)" % _REACH_RAD)
     add("--anyway", action="append", default=[], choices=KEYS, metavar="KEY",
-        help="though this differs from the log: %s" % ", ".join(KEYS))
+        help="though this differs: %s" % ", ".join(KEYS))
     add("--wait", type=duration, default=20.0, metavar="TIME", help="wait so long for the driver (default 20s)")
     add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for programs")
     add("--begin-at-stdin", action="store_true",
