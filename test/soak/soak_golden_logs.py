@@ -5,10 +5,14 @@
 In the devel space. Every second run has the busy processes of ``--load`` beside it. With ``--learn`` that many runs of
 each golden log come first, and the others are judged by the tolerances that these teach.
 
-Prints a line for each run, how near each kind of check came to its limit, and a tally; exit code 1 when a run differed.
-The reports of runs that differed stay.
+A teaching run that differs by the usual tolerances, or fails, teaches nothing, and another one is made; after three
+times as many as are wanted the soak ends.
+
+Prints a line for each run, how near each kind of check came to its limit, and a tally; exit code 1 when more than one
+judged run in a hundred (one is allowed to fewer) differed or failed. The reports of runs that differed stay.
 """
 import argparse
+import itertools
 import os
 import shutil
 import signal
@@ -45,26 +49,33 @@ def main() -> int:
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.load)]
     tally = {"same": 0, "different": 0, "failed": 0}
     worst = {}
-    good = {name: [] for name in chosen}
+    good, lessons = {name: [] for name in chosen}, dict.fromkeys(chosen, 0)
     taught = {}
     place = Path(tempfile.mkdtemp(prefix="soak_golden_"))
     try:
-        for number in range(options.runs + options.learn * len(chosen)):
+        for number in itertools.count():
+            if sum(tally.values()) == options.runs:
+                break
             name = chosen[number % len(chosen)]
             folder = place / ("%03d_%s" % (number + 1, name))
-            golden, is_good = FOLDER / (name + ".mcap"), len(good[name]) < options.learn
+            golden, is_lesson = FOLDER / (name + ".mcap"), len(good[name]) < options.learn
+            if is_lesson and lessons[name] == 3 * options.learn:
+                print("%s: %d of %d teaching runs are good: it cannot be learned from" % (
+                    name, len(good[name]), lessons[name]))
+                return 1
+            lessons[name] += is_lesson
             is_busy = number // len(chosen) % 2 == 1
             for process in busy:
                 process.send_signal(signal.SIGCONT if is_busy else signal.SIGSTOP)
             begin = time.monotonic()
             try:
-                if options.learn and not is_good and name not in taught:
+                if options.learn and not is_lesson and name not in taught:
                     taught[name] = learn(golden, good[name], scenario_of(golden).tolerances).tolerances
                     found = audit(golden, taught[name])
                     print("%s: learned from %d runs; %s" % (name, len(good[name]), summary(found)), flush=True)
                 result = replay(golden, folder, taught.get(name))
                 outcome, words = ("same", "") if result.same else ("different", result.summary)
-                if is_good:
+                if is_lesson and result.same:
                     good[name].append(shutil.move(str(folder / "candidate.mcap"), str(place / (folder.name + ".mcap"))))
                     outcome = "good"
                 for check in result.comparison.checks:
@@ -73,7 +84,7 @@ def main() -> int:
                                                  (check.measured / check.limit, check.measured, check.unit, name))
             except JakaError as error:
                 outcome, words = "failed", str(error)
-            if not is_good:
+            if not is_lesson:
                 tally[outcome] += 1
             if outcome in ("same", "good"):
                 shutil.rmtree(str(folder))
@@ -91,11 +102,12 @@ def main() -> int:
     print("%d runs: %s; %d busy processes beside each second one, %d processors" % (
         options.runs, ", ".join("%d %s" % (count, outcome) for outcome, count in tally.items()), options.load,
         os.cpu_count() or 1))
-    if tally["same"] == options.runs:
+    bad = options.runs - tally["same"]
+    if any(path.is_dir() for path in place.iterdir()):
+        print("what differed is in %s" % place)
+    else:
         shutil.rmtree(str(place))
-        return 0
-    print("what differed is in %s" % place)
-    return 1
+    return 1 if bad > max(1, options.runs // 100) else 0
 
 
 if __name__ == "__main__":

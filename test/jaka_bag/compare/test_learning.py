@@ -1,5 +1,6 @@
 """Tolerances learned from good runs: tight where the cell repeats itself, wide where it does not."""
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from synthetic_session import Conditions, moves, simulate, write_log
 
 from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.learning import FLOOR, learn
+from jaka_bag.compare.report.html import as_html
 from jaka_bag.compare.tolerances import ToleranceError, Tolerances, as_yaml, parse_tolerances
 from jaka_bag.compare.verdict import limits_at
 from jaka_bag.errors import BagError
@@ -74,6 +76,20 @@ def test_a_deviation_within_the_defaults_is_found_where_the_cell_repeats_itself(
     found = compare_logs(golden, little, learned)
     assert [(check.topic, check.field) for check in found.differences] == [(JOINTS, "joint_1")]
     assert 6.0 <= found.differences[0].at < 9.0 and found.beginning is found.differences[0]
+
+
+def test_the_page_draws_what_was_learned_as_a_stripe_that_is_wide_and_narrow(logs, learned, tmp_path):
+    golden, _ = logs
+    comparison = compare_logs(golden, run(tmp_path / "off.mcap", 9, off(0.0015, 6.0, 9.0)), learned)
+
+    def heights(tolerances, found):
+        """Return the different heights of the stripes in the pictures of a page, a set for each picture."""
+        pictures = re.findall(r"<svg.*?</svg>", as_html(found, tolerances), re.DOTALL)
+        return [set(re.findall(r'<rect class="band" [^>]*height="([\d.]+)"', picture)) for picture in pictures]
+
+    limits = {limit for _, limit in learned.envelopes[JOINTS]["joint_1"]}
+    assert max(map(len, heights(learned, comparison))) == len(limits) >= 2
+    assert max(map(len, heights(Tolerances(), compare_logs(golden, comparison.candidate.path)))) == 1
 
 
 def test_a_run_that_does_something_else_is_no_teacher(logs, tmp_path):

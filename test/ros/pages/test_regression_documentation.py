@@ -74,6 +74,9 @@ def test_each_command_of_the_page(root, shell, free_ports):
                if block.language == "sh" and line.startswith("rostest jaka_ros_driver replay_golden.test")]
     code, said = shell.run(line)
     assert code != 0 and "DIFFERENT" in said, "%s\n%s" % (line, said)
+    code, said = shell.run(line + " --text")
+    assert "DIFFERENT" in said and "RESULT: FAIL" in said
+    assert code == 0, "rostest has learned to tell what --text shows: the page says that it does not\n%s" % said
 
 
 def test_the_examples_of_a_scenario_are_understood(root):
