@@ -2,7 +2,7 @@
 import enum
 import math
 import struct
-from typing import Tuple
+from typing import Dict, Tuple
 
 STATE_TYPE = "jaka_msgs/RobotMsg"
 CALL_TYPE = "jaka_msgs/ServiceCall"
@@ -23,6 +23,18 @@ INPUT_TOPICS = {
     **{action + "/cancel": "actionlib_msgs/GoalID" for action in _GOALS}}
 """The ends of the names of the topics that a driver listens to, with their types (docs/ros-interface.md)."""
 
+
+_FRAME = ("mm", "mm", "mm", "rad", "rad", "rad")
+_JOINT_ANGLES = ("rad",) * 6
+REQUEST_UNITS: Dict[str, Dict[str, Tuple[str, ...]]] = {
+    "joint_move": {"pose": _JOINT_ANGLES, "mvvelo": ("rad/s",), "mvacc": ("rad/s2",), "mvradii": ("mm",)},
+    "linear_move": {"pose": _FRAME, "mvvelo": ("mm/s",), "mvacc": ("mm/s2",), "mvradii": ("mm",)},
+    "servo_j": {"pose": _JOINT_ANGLES}, "set_toolframe": {"pose": _FRAME}, "set_userframe": {"pose": _FRAME},
+    "set_payload": {"mass": ("kg",), "xc": ("mm",), "yc": ("mm",), "zc": ("mm",)}}
+"""Units of the fields of requests, by the last part of the service's name; of arrays one for each element.
+
+Those that depend on the driver's parameters or on other fields (``servo_p``, ``jog``) are left out.
+"""
 
 _SERVO_MOVE_MD5 = "7dad889723cef7fc192c47c7bdf495f2"
 _SERVO_MOVE_WITH_SPEED_MD5 = "ea058e08a9ca2790743a486fd4bfb151"

@@ -1,5 +1,6 @@
 """The outcome of one check, and of a whole comparison."""
 import enum
+import re
 from dataclasses import dataclass
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -13,6 +14,11 @@ from .runs.run import Run
 from .tolerances import Envelope
 
 _INPUTS = tuple("/" + name for name in INPUT_TOPICS)
+_PLACE_OF_A_FRAME = re.compile(r".* > .*\.translation(\[\d\])?")
+_IN_METRES = {"mm": 1e-3}
+_AT_ONCE_S, _ABOUT = 0.1, 2.0
+"""Time, s, and factor by which begin and amount of one difference may differ on two topics: one axis, or the distance.
+"""
 _FOLLOWS_S = 1.0
 """Time, s, by which what follows from a call may seem to come before it, as two logs are laid together."""
 
@@ -146,6 +152,21 @@ def _is_asked(check: Check) -> bool:
     return check.aspect is Aspect.CALLS and not check.field
 
 
+def _subject(check: Check) -> str:
+    """Return what a check of a joint or of a place is about, whatever its topic; empty of others."""
+    if check.aspect is Aspect.JOINTS:
+        return check.field
+    if check.aspect is Aspect.POSITION or _PLACE_OF_A_FRAME.fullmatch(check.field):
+        return Aspect.POSITION.value
+    return ""
+
+
+def _are_of_one_arm(one: str, other: str) -> bool:
+    """Return whether two topics are different ones, of which one stands in the namespace of the other."""
+    short, long = sorted((topic.rpartition("/")[0] + "/" for topic in (one, other)), key=len)
+    return one != other and long.startswith(short)
+
+
 class Gap(NamedTuple):
     """A topic, or one field of it, that nothing compares.
 
@@ -265,6 +286,30 @@ class Comparison:
     def worst_first(self) -> List[Check]:
         """The checks that failed, the largest excess over its limit first; those without an amount lead."""
         return sorted(self.differences, key=lambda check: -check.severity)
+
+    @property
+    def folded(self) -> List[Tuple[Check, Tuple[Check, ...]]]:
+        """The checks that failed as ``worst_first`` has them, each with those that show the same on another topic.
+
+        Joints are on ``joint_position`` and ``joint_states``, the tool's place is on ``tool_position`` and ``/tf``.
+        """
+        groups: List[Tuple[Check, List[Check]]] = []
+        for check in self.worst_first:
+            again = next((more for first, more in groups if self._is_again(first, check)), None)
+            if again is None:
+                groups.append((check, []))
+            else:
+                again.append(check)
+        return [(first, tuple(more)) for first, more in groups]
+
+    def _is_again(self, one: Check, other: Check) -> bool:
+        """Return whether two failed checks show the same: subject, arm, begin, and about the amount."""
+        subject, begins = _subject(one), (self._onset(one), self._onset(other))
+        if not subject or subject != _subject(other) or not _are_of_one_arm(one.topic, other.topic):
+            return False
+        amounts = [(check.measured or 0.0) * _IN_METRES.get(check.unit, 1.0) for check in (one, other)]
+        return None not in begins and abs((begins[0] or 0.0) - (begins[1] or 0.0)) <= _AT_ONCE_S and (
+            max(amounts) <= _ABOUT * min(amounts))
 
     @property
     def beginning(self) -> Optional[Check]:

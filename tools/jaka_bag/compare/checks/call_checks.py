@@ -115,7 +115,8 @@ def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
     for gone, come in _between(places, ours, theirs, lag):
         if gone is not None and come is not None:
             differs(gone, gone.start, "%s at %.2f s asks for something else: %s" % (
-                gone.short_name, gone.start, changed_fields(gone.request_text, come.request_text)),
+                gone.short_name, gone.start, changed_fields(
+                    gone.request_text, come.request_text, gone.short_name)),
                 gone.words, come.words)
         elif gone is not None:
             differs(gone, gone.start, "%s at %.2f s is missing" % (gone.words, gone.start), gone.words, "no such call")

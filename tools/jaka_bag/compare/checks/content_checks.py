@@ -108,6 +108,14 @@ def fixed_limit(name: str, tolerances: Tolerances) -> Optional[float]:
     return mm_to_m(tolerances.tcp.position_mm) if _PLACES.fullmatch(base) else None
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of a field's numbers; empty where its name does not tell."""
+    base = base_of(name)
+    if _JOINTS.fullmatch(name) or _JOINTS.fullmatch(base):
+        return "rad"
+    return "m" if _PLACES.fullmatch(base) else ""
+
+
 def number_limits(name: str, track: LongTrack, tolerances: Tolerances, is_sequence: bool) -> NumberLimits:
     """Return the limits of a field.
 

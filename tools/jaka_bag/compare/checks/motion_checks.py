@@ -13,7 +13,7 @@ from ..runs.run import LongTrack, Run, arm_of
 from ..tolerances import Envelope, FieldTolerance
 from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
 from .aligned_samples import AlignedSamples, Convert, Frame, Samples, as_they_are
-from .content_checks import NumberLimits, is_of_any_speed, number_limits
+from .content_checks import NumberLimits, is_of_any_speed, number_limits, unit_of
 from .not_numbers import NotNumbers, columns_of, has_not_numbers, without_columns
 from .rotation_angles import continuous, quaternions
 
@@ -104,7 +104,7 @@ class _Judge:
         outside = 100.0 * self._outside / self._count
         golden, candidate = (", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row))
                              for row in self._shown)
-        detail = "at most %.4g %s off, at %.3f s" % (worst, unit, self._worst_at)
+        detail = "at most %s off, at %.3f s" % (("%.4g %s" % (worst, unit)).rstrip(), self._worst_at)
         if self._worst_allowed > 0:
             detail += ", beyond %.4g %s that a stop may have moved" % (self._worst_allowed * factor, unit)
         if outside:
@@ -394,8 +394,9 @@ class _NumbersWatch(MotionWatch):
             "%s[%d]" % (name, column) for column in range(len(limits.limits))]
         envelopes = [frame.envelope(ours.topic, part) for part in names]
         self._limits = [_least(envelope, float(limit)) for envelope, limit in zip(envelopes, limits.limits)]
-        self._judges = [_Judge(Aspect.FIELDS, ours.topic, part, limit, "", 0.0, ours.names, frame.resolution * limit,
-                               1.0, envelope) for part, limit, envelope in zip(names, self._limits, envelopes)]
+        self._judges = [_Judge(Aspect.FIELDS, ours.topic, part, limit, unit_of(name), 0.0, ours.names,
+                               frame.resolution * limit, 1.0, envelope)
+                        for part, limit, envelope in zip(names, self._limits, envelopes)]
         if _is_watched_for_lateness(name):
             self._watch_lateness(name)
 

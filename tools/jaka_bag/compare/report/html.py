@@ -108,9 +108,10 @@ def definitions(rows: Iterable[Tuple[str, str]]) -> str:
     return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (escape(a), escape(b)) for a, b in rows)
 
 
-def _difference(check: Check, figures: List[Figure]) -> str:
-    values = definitions([("golden", check.golden), ("candidate", check.candidate)]) \
-        if check.golden or check.candidate else ""
+def _difference(check: Check, more: Sequence[Check], figures: List[Figure]) -> str:
+    rows = [("golden", check.golden), ("candidate", check.candidate)] if check.golden or check.candidate else []
+    rows += [("also", one.name) for one in more]
+    values = definitions(rows) if rows else ""
     return ('<article class="card bad"><h3>%s</h3><p>%s <span class="amount">%s</span></p>'
             '<div class="values">%s</div>%s</article>'
             % (escape(check.name), escape(check.detail), escape(check.amount), values, figures_of(figures)))
@@ -142,9 +143,9 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
     if comparison.beginning is not None:
         facts.append(("it begins with", beginning_words(comparison.beginning, len(comparison.differences) - 1)))
     facts += [("of no effect", "tolerances: %s" % text) for text in comparison.unmatched]
-    worst = comparison.worst_first
-    cards = "".join(_difference(check, pictures.moment(check) if number < _MOST_PICTURES else [])
-                    for number, check in enumerate(worst))
+    worst = comparison.folded
+    cards = "".join(_difference(check, more, pictures.moment(check) if number < _MOST_PICTURES else [])
+                    for number, (check, more) in enumerate(worst))
     sections = [("differences", "Differences, the worst first", _LEGEND + cards)] if worst else []
     sections += [(name, heading, '<div class="card">%s</div>' % content) for name, heading, content in (
         ("timeline", "States and calls", figures_of(pictures.time_lines())),

@@ -1,6 +1,6 @@
 """The result of a comparison as a few lines of text, and as plain data."""
 import math
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Sequence
 
 from ..verdict import Check, Comparison, Outcome
 
@@ -17,6 +17,11 @@ def check_line(check: Check) -> str:
     if check.golden or check.candidate:
         line += "\n%-13s   golden: %s\n%-13s   candidate: %s" % ("", check.golden, "", check.candidate)
     return line
+
+
+def also_words(more: Sequence[Check], before: str = "") -> str:
+    """Return the checks that show the same as another one, by their names; empty where there are none."""
+    return before + "the same: " + ", ".join(check.name for check in more) if more else ""
 
 
 def headline(comparison: Comparison) -> str:
@@ -61,8 +66,10 @@ def as_text(comparison: Comparison, verbose: bool = False) -> str:
     lines = ["golden:    %s" % comparison.golden.path, "candidate: %s" % comparison.candidate.path]
     if comparison.time_scale != 1.0:
         lines.append("the candidate ran %g times faster" % comparison.time_scale)
-    shown = list(comparison.checks) if verbose else comparison.worst_first
-    lines += [check_line(check) for check in shown]
+    if verbose:
+        lines += [check_line(check) for check in comparison.checks]
+    else:
+        lines += [check_line(first) + also_words(more, "\n%-13s   " % "") for first, more in comparison.folded]
     if comparison.beginning is not None:
         lines.append("it begins with: " + beginning_words(comparison.beginning, len(comparison.differences) - 1))
     skipped = sum(check.outcome is Outcome.NOT_COMPARED for check in comparison.checks)

@@ -1,8 +1,10 @@
 """The requests of service calls, as a person typed them, and what one asks for that another does not."""
 import re
-from typing import Dict, List
+from typing import Dict, List, Tuple
 
 import numpy as np
+
+from ...driver_interface import REQUEST_UNITS
 
 _NUMBER = re.compile(r"-?\d+\.\d+(?:[eE][-+]?\d+)?|-?\d+[eE][-+]?\d+")
 
@@ -35,13 +37,15 @@ def top_level_fields(text: str) -> Dict[str, str]:
     return fields
 
 
-def changed_fields(ours: str, theirs: str) -> str:
-    """Return the fields of a request that another has otherwise: ``pose[1] -100 -> -95, mvvelo 50 -> 40``.
+def changed_fields(ours: str, theirs: str, service: str = "") -> str:
+    """Return the fields of a request that another has otherwise: ``pose[1] -100 -> -95 mm, mvvelo 50 -> 40 mm/s``.
 
     Args:
         ours: The request's text.
         theirs: The other's.
+        service: The last part of the service's name, for the units of its fields.
     """
+    units = REQUEST_UNITS.get(service, {})
     golden, candidate = (top_level_fields(as_typed(text)) for text in (ours, theirs))
     changes = []
     for name in dict.fromkeys([*golden, *candidate]):
@@ -50,10 +54,18 @@ def changed_fields(ours: str, theirs: str) -> str:
         if one == other:
             continue
         if len(some) == len(others) > 1:
-            changes += ["%s[%d] %s -> %s" % (name, i, a, b) for i, (a, b) in enumerate(zip(some, others)) if a != b]
+            changes += [("%s[%d] %s -> %s %s" % (name, i, a, b, _unit(units, name, i))).rstrip()
+                        for i, (a, b) in enumerate(zip(some, others)) if a != b]
         else:
-            changes.append("%s %s -> %s" % (name, " ".join(one.split()), " ".join(other.split())))
+            is_one = len(some) == len(others) == 1
+            changes.append(("%s %s -> %s %s" % (name, " ".join(one.split()), " ".join(other.split()),
+                                                _unit(units, name, 0) if is_one else "")).rstrip())
     return ", ".join(changes) or "bytes that no text shows"
+
+
+def _unit(units: Dict[str, Tuple[str, ...]], name: str, index: int) -> str:
+    known = units.get(name, ())
+    return known[index] if index < len(known) else ""
 
 
 def _elements(text: str) -> List[str]:
