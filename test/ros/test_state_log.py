@@ -98,7 +98,12 @@ def joints_of(arm):
 
 
 def to_targets(arm):
-    """Move the arm by a goal, a path, a trajectory of the topic, a jog and servo targets."""
+    """Move the arm by a path, a goal, a trajectory of the topic, a jog and servo targets."""
+    paths = PathClient(DRIVER + "/move_path")
+    assert eventually(lambda: paths._client.pub_goal.get_num_connections() >= 2), "driver, recorder"
+    assert paths.run([joint([0.1, *HOME[1:]], 0.5, 2.0), joint(HOME, 0.5, 2.0)])[0] == "SUCCEEDED"
+    paths.close()
+    rospy.sleep(_REST_S)
     names = ["joint_%d" % number for number in range(1, 7)]
     client = TrajectoryClient(CONTROLLER + "/follow_joint_trajectory", 10.0)
     goals = client._client.action_client.pub_goal
@@ -106,12 +111,6 @@ def to_targets(arm):
     there, none = np.array([AWAY]), np.zeros((1, 6))
     assert client.follow(names, np.array([1.5]), there, none, none, threading.Event()).succeeded
     client.close()
-    paths = PathClient(DRIVER + "/move_path")
-    assert eventually(lambda: paths._client.pub_goal.get_num_connections() >= 2), "driver, recorder"
-    rospy.sleep(_REST_S)
-    assert paths.run([joint([0.35, *HOME[1:]], 0.5, 2.0), joint(AWAY, 0.5, 2.0)])[0] == "SUCCEEDED"
-    paths.close()
-    rospy.sleep(_REST_S)
     command = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
     jog = rospy.Publisher(DRIVER + "/jog_joints", JointState, queue_size=10)
     servo = rospy.Publisher(DRIVER + "/servo_j_command", JointState, queue_size=10)
