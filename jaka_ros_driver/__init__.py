@@ -22,7 +22,7 @@ probe               the command jaka_probe: what a real controller settles of wh
 Beside it, in tools/: the log tools ``jaka_bag``, ``jaka_blackbox``, ``jaka_foxglove`` and ``jaka_fleet``, which import
 nothing of this package; ``jaka_panel``, an operator's page, a client of its topics and services;
 ``jaka_regression``, on top of the driver and the log tools, which makes recorded runs happen again; and
-``jaka_migration``, programs for cells that move here from the maker's packages.
+``jaka_migration``, commands for cells that move here from the maker's packages.
 """
 
 __version__ = "0.3.0"

@@ -99,10 +99,10 @@ class _Listener(logging.handlers.QueueListener):
 class StandardErrorLog:
     """A command's lines on standard error, written in a thread of their own."""
 
-    def __init__(self, program: str) -> None:
-        """Put ``program`` in front of every line."""
+    def __init__(self, name: str) -> None:
+        """Put ``name`` in front of every line."""
         self._background = Background(_StandardError())
-        self._logger = logging.Logger(program)
+        self._logger = logging.Logger(name)
         self._logger.addHandler(self._background)
 
     def write(self, text: str) -> None:

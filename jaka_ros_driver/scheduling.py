@@ -1,4 +1,4 @@
-"""Requests to the operating system to wake this program's threads in time. Linux only; elsewhere nothing is changed."""
+"""Requests to the operating system to wake this process's threads in time. Linux only; elsewhere nothing is changed."""
 import ctypes
 import os
 import platform

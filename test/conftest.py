@@ -14,8 +14,8 @@ import tempfile
 from pathlib import Path
 from typing import Dict, List
 
+import command_places
 import import_graph
-import program_places
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -41,7 +41,7 @@ LEFT_OUT = "jaka/left_out"
 """The name of what is kept between runs, by the state of the sources: the files that need what is missing."""
 left_out: List[str] = []
 
-program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
+command_places.import_what_is_under_test()  # before the conftest.py of folders below import it
 
 # The same examples in every run and on every Python, for a failure that cannot be had again helps nobody; and no limit
 # of time, for a busy machine proves nothing about the code. A derandomized run has no use for a database of earlier
@@ -56,7 +56,7 @@ def pytest_configure(config):
 
     A shell starts its background jobs with SIGINT ignored, which children inherit; those of the tests are sent it.
 
-    Executables that tests start are those of one place, whose packages they find (``program_places``). Their files at
+    Executables that tests start are those of one place, whose packages they find (``command_places``). Their files at
     run time are in a folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
@@ -67,7 +67,7 @@ def pytest_configure(config):
         os.setsid()
     config.jaka_left_out = known_needs(config) if MISSING else {}
     config.jaka_runtime_folder = os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="jaka_test_runtime_")
-    program_places.enter()
+    command_places.enter()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

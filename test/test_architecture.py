@@ -60,7 +60,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
                            "ros"},
     }),
     **rooms("jaka_bag", {
-        "": CONTAINERS | {"operations"},  # the names it lends to programs
+        "": CONTAINERS | {"operations"},  # the names it lends to other code
         "errors": set(),
         "units": set(),
         "driver_interface": set(),
@@ -114,7 +114,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "": set(),
         "dataset": ALL_OF_JAKA_BAG,
         "comparing": {"dataset"} | ALL_OF_JAKA_BAG,
-        "replay": {"jaka_regression", "jaka_regression.programs"} | ALL_OF_JAKA_BAG,
+        "replay": {"jaka_regression", "jaka_regression.command_lines"} | ALL_OF_JAKA_BAG,
         "cli": {"dataset", "comparing", "replay", "jaka_regression"} | ALL_OF_JAKA_BAG,
     }),
     **rooms("jaka_migration", {
@@ -126,32 +126,32 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "authority": set(),
         "record": set(),
         "plans": {"teach", "jaka_regression"} | {"jaka_bag." + room for room in TOOLS},
-        "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.programs"} | {
+        "graph": {"authority", "record", "teach", "plans", "jaka_regression", "jaka_regression.command_lines"} | {
             "jaka_bag." + room for room in TOOLS},
         "cell": {"jaka_ros_driver.audit", "jaka_bag.json_text"},
         "teach": set(),
         "pages": {"", "settings", "authority", "record", "cell", "teach", "plans", "graph", "jaka_bag.json_text"},
-        "program": {"", "settings", "graph", "pages", "jaka_regression"},
+        "command": {"", "settings", "graph", "pages", "jaka_regression"},
     }),
     **rooms("jaka_regression", {
-        "": {"programs"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
-        "programs": {"", "jaka_bag.cli.main", "jaka_ros_driver.ros", "jaka_ros_driver.simulation",
+        "": {"command_lines"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
+        "command_lines": {"", "jaka_bag.cli.main", "jaka_ros_driver.ros", "jaka_ros_driver.simulation",
                      "jaka_ros_driver.simulation.server", "jaka_ros_driver.wire"},
     }),
 }
 NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers.registry",
-                           "jaka_panel.plans.plan_store", "jaka_regression.programs"}
-"""Modules that import others by name, or start them as programs; all those names must lead somewhere."""
+                           "jaka_panel.plans.plan_store", "jaka_regression.command_lines"}
+"""Modules that import others by name, or start them as commands; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.supervisor", "client.transport", "doctor.controller", "doctor.graph", "doctor.questions", "ros.connections",
     "probe.recorded", "ros.driver_lock", "ros.metrics.page_server", "ros.start_checks", "simulation.server.event_loop",
     "wire")) + (
         "jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server",
         "jaka_panel.pages.door", "jaka_panel.pages.server", "jaka_panel.settings", "jaka_panel.graph.stop_link")
-USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.program", "jaka_regression.driver_client",
+USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.command", "jaka_regression.driver_client",
            "jaka_regression.ros_node", "jaka_regression.cell.live_watch", "jaka_regression.message_player",
            "jaka_regression.trajectory_client")
-ASYNC = ("jaka_foxglove", "jaka_panel.pages", "jaka_panel.program", "jaka_panel.graph.calls",
+ASYNC = ("jaka_foxglove", "jaka_panel.pages", "jaka_panel.command", "jaka_panel.graph.calls",
          "jaka_panel.graph.stopper")
 LONGEST = 600
 """Lines of a file: an alarm, not a goal; more than that nobody reads in one sitting."""
@@ -238,14 +238,14 @@ def test_modules_named_in_strings_are_named_in_few_places_and_are_there():
             assert not named & set(modules()), "%s names %s" % (name, named & set(modules()))
 
 
-def test_programs_and_plugins_are_there():
+def test_commands_and_plugins_are_there():
     def entries(*path: str) -> List[str]:
         return re.findall(r"\w=\"?((?:%s)[\w.]*:\w+|(?:%s)[\w.]+)" % (("|".join(PACKAGES),) * 2),
                           ROOT.joinpath(*path).read_text().replace(" = ", "="))
-    programs = entries("CMakeLists.txt")
+    commands = entries("CMakeLists.txt")
     scripts = [entry for entry in entries("tools", "pyproject.toml") if ":" in entry]
-    assert len(programs) == 10 and len(scripts) == 2
-    for entry in programs + scripts + entries("setup.cfg"):
+    assert len(commands) == 10 and len(scripts) == 2
+    for entry in commands + scripts + entries("setup.cfg"):
         module, _, function = entry.partition(":")
         names = {node.name for node in parse(source_of(module)).body if isinstance(node, ast.FunctionDef)}
         assert not function or function in names, entry

@@ -10,12 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import program_places
+import command_places
 import pytest
+from command_parsers import commands, needs_ros, parser
+from command_places import command_of, place
 from dask_cluster import DaskCluster
 from import_graph import ROOT
-from program_parsers import commands, needs_ros, parser
-from program_places import command_of, place
 
 from jaka_bag.cli.main import COMMANDS, load_command, main
 
@@ -26,18 +26,18 @@ PATIENCE_S = 250
 
 def run(folder, text, **options):
     """Run a line of the shell with the executables of the place under test; return exit code and output."""
-    for program in {word for word in shlex.split(text) if word in program_places.declared()}:
-        text = re.sub(r"\b%s " % program, " ".join(map(shlex.quote, command_of(program))) + " ", text)
+    for executable in {word for word in shlex.split(text) if word in command_places.declared()}:
+        text = re.sub(r"\b%s " % executable, " ".join(map(shlex.quote, command_of(executable))) + " ", text)
     done = subprocess.run(["bash", "-c", text], cwd=str(folder), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True, timeout=PATIENCE_S, **options)
     assert "Traceback" not in done.stdout, "%s\n%s" % (text, done.stdout)
     return done.returncode, done.stdout
 
 
-def need(program, words):
-    if needs_ros(program):
-        pytest.importorskip("rospy", reason="%s needs ROS" % program)
-    if place().name == "wheel" and words and program == "jaka_bag" and brought_by_ros(words):
+def need(executable, words):
+    if needs_ros(executable):
+        pytest.importorskip("rospy", reason="%s needs ROS" % executable)
+    if place().name == "wheel" and words and executable == "jaka_bag" and brought_by_ros(words):
         pytest.skip("comes with the ROS package")
 
 
@@ -55,38 +55,38 @@ def brought_by_ros(words):
 
 # ---- help ----
 
-@pytest.mark.parametrize("program, words", EVERY, ids=[" ".join([program, *words]) for program, words in EVERY])
-def test_its_help_tells_every_option_of_its_parser(program, words, tmp_path):
-    need(program, words)
-    code, said = run(tmp_path, " ".join([program, *words, "--help"]), env=dict(os.environ, COLUMNS="98"))
-    assert code == 0 and said.startswith("usage: " + " ".join([program, *words])), said
-    if program != "jaka_bag" or words:
-        options = [option for action in parser(program, words)._actions if action.help != "==SUPPRESS=="
+@pytest.mark.parametrize("executable, words", EVERY, ids=[" ".join([name, *words]) for name, words in EVERY])
+def test_its_help_tells_every_option_of_its_parser(executable, words, tmp_path):
+    need(executable, words)
+    code, said = run(tmp_path, " ".join([executable, *words, "--help"]), env=dict(os.environ, COLUMNS="98"))
+    assert code == 0 and said.startswith("usage: " + " ".join([executable, *words])), said
+    if executable != "jaka_bag" or words:
+        options = [option for action in parser(executable, words)._actions if action.help != "==SUPPRESS=="
                    for option in action.option_strings]
         assert options and not [option for option in options if not re.search(r"%s\b" % re.escape(option), said)]
 
 
 def test_the_walk_finds_what_is_there():
-    assert {program for program, _ in EVERY} == set(program_places.declared())
-    assert {" ".join(words) for program, words in EVERY if program == "jaka_bag"} == {"", *COMMANDS}
+    assert {executable for executable, _ in EVERY} == set(command_places.declared())
+    assert {" ".join(words) for executable, words in EVERY if executable == "jaka_bag"} == {"", *COMMANDS}
     assert ("jaka_sim", ["proxy"]) in EVERY and ("jaka_sim", ["panel"]) in EVERY
 
 
 NEVER_EMPTY = {"--black-box", "--dask", "--key", "--sign", "--signature", "--tls-cert", "--tls-key", "--token-file"}
-"""Options without which a program does something else, perhaps unsigned or open: "" must not be taken for none."""
+"""Options without which a executable does something else, perhaps unsigned or open: "" must not be taken for none."""
 EVERYWHERE = {"--host"}
 """Options whose empty address a listener would take for every address."""
-REFUSING = [(program, words, option) for program, words in EVERY if (program, words) != ("jaka_bag", [])
-            and not (words == ["info"]) and program != "jaka_sim" and not needs_ros(program)
-            for action in parser(program, words)._actions for option in action.option_strings
+REFUSING = [(executable, words, option) for executable, words in EVERY if (executable, words) != ("jaka_bag", [])
+            and not (words == ["info"]) and executable != "jaka_sim" and not needs_ros(executable)
+            for action in parser(executable, words)._actions for option in action.option_strings
             if option in NEVER_EMPTY | EVERYWHERE]
 
 
-@pytest.mark.parametrize("program, words, option", REFUSING, ids=[" ".join([a, *b, c]) for a, b, c in REFUSING])
-def test_an_option_that_is_given_empty_is_refused(program, words, option, tmp_path):
+@pytest.mark.parametrize("executable, words, option", REFUSING, ids=[" ".join([a, *b, c]) for a, b, c in REFUSING])
+def test_an_option_that_is_given_empty_is_refused(executable, words, option, tmp_path):
     # as by ``--sign "$KEY"``, where the shell has no such variable
-    need(program, words)
-    code, said = run(tmp_path, " ".join([program, *words, option, "''", "file"]))
+    need(executable, words)
+    code, said = run(tmp_path, " ".join([executable, *words, option, "''", "file"]))
     assert code == 2 and re.search("argument .*%s.*: it is empty" % option, said), said
 
 
@@ -172,15 +172,15 @@ WORK = {
     "replay": ("two_logs --time-scale 4 --tolerances {busy}", "2 golden logs: 2 same"),
 }
 """The work of each of these commands in several processes, and its output then."""
-SPREADING = [(" ".join(words), option) for program, words in EVERY if program == "jaka_bag" and words
-             for action in parser(program, words)._actions
+SPREADING = [(" ".join(words), option) for executable, words in EVERY if executable == "jaka_bag" and words
+             for action in parser(executable, words)._actions
              for option in action.option_strings[-1:] if SPREAD_WORK.search(action.help or "")]
 
 
 def test_every_option_that_spreads_work_is_known():
     assert {name for name, _ in SPREADING} == set(WORK) and len(SPREADING) >= 8
     assert {option for _, option in SPREADING} == set(SPREAD)
-    named = {option for program, words in EVERY if words for action in parser(program, words)._actions
+    named = {option for executable, words in EVERY if words for action in parser(executable, words)._actions
              for option in action.option_strings if re.search("jobs|workers|processes|dask", option)}
     assert named == set(SPREAD)
 

@@ -5,8 +5,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from command_places import DEBIAN_MODULES, LOG_COMMANDS, command_of, place
 from import_graph import LOG_TOOLS, PACKAGES, ROOT
-from program_places import DEBIAN_MODULES, LOG_PROGRAMS, command_of, place
 
 HASHES = """
 import hashlib, importlib, json, os, sys
@@ -35,7 +35,7 @@ def packages():
 
 def in_the_place(code, *words):
     """Run a script with the interpreter of the place's executables, in a folder that has nothing to do with them."""
-    *before, program = command_of(LOG_PROGRAMS[0])
+    *before, program = command_of(LOG_COMMANDS[0])
     with open(program, encoding="utf-8") as file:
         interpreter = file.readline()[2:].strip()
     done = subprocess.run([*before, interpreter, "-c", code, *words], cwd="/", capture_output=True,

@@ -19,7 +19,7 @@ with StallWatch() as host:
 
 
 def measured(seconds, signals):
-    """Return what passed and what the watch counted, s, of a program that is sent the signals while it measures."""
+    """Return what passed and what the watch counted, s, of a process that is sent the signals while it measures."""
     with subprocess.Popen([sys.executable, "-c", MEASURING, str(Path(__file__).parent / "support" / "live"),
                            str(seconds)], stdout=subprocess.PIPE, text=True) as program:
         program.stdout.readline()

@@ -1,4 +1,4 @@
-"""The form of docstrings, by room, and class names with one meaning each.
+"""The form of docstrings, by room, words and class names with one meaning each.
 
 As a command (``python3 test/test_words.py ROOM...``) it prints the counts by room, and each finding in the rooms that
 are named.
@@ -45,7 +45,7 @@ VERBS = frozenset(
 """Words with which a function's docstring may begin; one that is missing here, and is a verb, is added."""
 PLURALS = frozenset(
     "answers calls changes checks commands counts fields filters frames jogs joints limits links logs moves names "
-    "offers orders paths places plans points ranks reads records replies reports requests samples "
+    "offers orders paths places plans points processes ranks reads records replies reports requests samples "
     "scans searches shifts signals signs starts states stamps steps stops stores streams tests times traces turns "
     "waits writes".split())
 """Third persons of verbs that are plural nouns as well, so a class may begin with them."""
@@ -59,6 +59,14 @@ TWO_MEANINGS: Dict[str, str] = {
     "MotionState": "the enumeration of RobotMsg, which the log tools have for themselves, for the same reason",
 }
 """Public class names of the driver that the tools use, too, each with the reason; at most four."""
+
+
+NOT_THE_CONTROLLERS = re.compile(
+    r"\b[Pp]rograms?\s+`*(?:jaka_\w+|migrate_cell|check_moveit_config)\b"
+    r"|\b(?:[Aa]nother|[Oo]ther|[Kk]illed|[Tt]his|[Yy]our|[Pp]ublic|[Pp]ython|desktop|two|cell's(?:\s+own)?|user's)"
+    r"\s+programs?\b"
+    r"|\b[Pp]rograms\s+(?:such|written|built|of\s+(?:a\s+cell|others))\b|\bfor\s+programs\b|\bprograms?\s+of\s+yours\b")
+"""Words in which "program" is not the controller's: said of a command, a process, other software, the cell's nodes."""
 
 
 class Finding(NamedTuple):
@@ -169,6 +177,34 @@ def class_names() -> Dict[str, List[str]]:
                 if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                     places.setdefault(node.name, []).append("%s:%d" % (path.relative_to(ROOT), node.lineno))
     return places
+
+
+def own_files(*kinds: str) -> Iterator[Path]:
+    """Return the files of these kinds, as ``.py``, that are the project's own, and not another's or made by it."""
+    for folder in (*FOLDERS, "launch"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in kinds and "vendor" not in path.parts and path != Path(__file__).resolve():
+                yield path
+    yield from (path for path in sorted(ROOT.glob("*")) if path.suffix in kinds and path.name != "CHANGELOG.rst")
+
+
+def test_a_program_is_the_controllers():
+    found = []
+    for path in own_files(".py", ".md", ".js", ".html", ".launch", ".test", ".yaml", ".in", ".toml", ".txt"):
+        text = path.read_text(encoding="utf-8")
+        found += ["%s:%d %r" % (path.relative_to(ROOT), text.count("\n", 0, match.start()) + 1, match.group())
+                  for match in NOT_THE_CONTROLLERS.finditer(text)]
+    assert not found, "\n".join(found)
+
+
+def test_a_program_that_is_not_the_controllers_is_seen():
+    for text in ("The program ``jaka_bag``.", "the program migrate_cell", "Another\nprogram answers there.",
+                 "what a killed program left", "Programs such as rqt", "End the cell's own program",
+                 "JSON, for programs"):
+        assert NOT_THE_CONTROLLERS.search(text), text
+    for text in ("Load the named program.", "a program of the controller", "another's program, the pendant's program",
+                 "`program/load` and the programs that a log loads"):
+        assert not NOT_THE_CONTROLLERS.search(text), text
 
 
 def test_docstrings_have_their_form():

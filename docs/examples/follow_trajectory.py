@@ -23,7 +23,7 @@ FollowJointTrajectoryAction = message_type("control_msgs/FollowJointTrajectoryAc
 
 def main() -> int:
     """Send the goal and wait for its end; 0 at the last point, 1 otherwise, with the reason on the screen."""
-    rospy.init_node("follow_trajectory", disable_signals=True)  # Ctrl-C is this program's own
+    rospy.init_node("follow_trajectory", disable_signals=True)  # Ctrl-C is this node's own
     client = actionlib.SimpleActionClient(CONTROLLER + "/follow_joint_trajectory", FollowJointTrajectoryAction)
     if not client.wait_for_server(rospy.Duration(10.0)):
         print("nobody offers %s/follow_joint_trajectory" % CONTROLLER)

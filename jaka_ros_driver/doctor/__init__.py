@@ -1,6 +1,6 @@
 """The command jaka_doctor: what a computer, a ROS graph and a controller lack for a driver, and what to do about it.
 
-program        options, the table of all checks, the report as lines or JSON
+command        options, the table of all checks, the report as lines or JSON
 findings       the result of a check: level, what was found, its meaning, the remedy
 subject        the system that is examined: the driver's parameters, and what several checks look at once
 computer       Python, packages, clock, folders, limits, the disk

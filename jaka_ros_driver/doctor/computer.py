@@ -42,18 +42,18 @@ def python(subject: ExaminedSystem) -> Observation:
     if sys.version_info < _OLDEST_PYTHON:
         return fault(found, "the driver needs Python %d.%d" % _OLDEST_PYTHON, "use the Python of ROS Noetic or later")
     if missing:
-        return fault("%s; not there: %s" % (found, ", ".join(missing)), "a program that needs them does not start",
+        return fault("%s; not there: %s" % (found, ", ".join(missing)), "a command that needs them does not start",
                      "source setup.bash of the build in this shell; else install them, as tools/dev setup does")
     return good(found, "the driver can run")
 
 
 def clock(subject: ExaminedSystem, now: Optional[float] = None) -> Observation:
-    """Check that the clock is not before this program was written, and that something keeps it right."""
+    """Check that the clock is not before this release was made, and that something keeps it right."""
     now = time.time() if now is None else now
     shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
     written = os.stat(__file__).st_mtime
     if now < written - _DAY_S:
-        return fault("%s, and this program was written later" % shown, "logs and the audit log get wrong times",
+        return fault("%s, and this release was made later" % shown, "logs and the audit log get wrong times",
                      "set the clock; where it comes back at each boot, replace the computer's battery")
     if _is_unsynchronised():
         return warning("%s, kept right by nothing" % shown, "times of several computers drift apart",

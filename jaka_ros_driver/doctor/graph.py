@@ -85,7 +85,7 @@ def master(subject: ExaminedSystem) -> Observation:
         return fault("%s: %s" % (uri, error), "there is no way to that computer, or no such name",
                      "correct ROS_MASTER_URI, or the network of this computer")
     if answer is None:
-        return fault("%s: another program answers" % uri, "no node finds the master", remedy)
+        return fault("%s: another process answers" % uri, "no node finds the master", remedy)
     return good("%s answers" % uri, "nodes can register")
 
 

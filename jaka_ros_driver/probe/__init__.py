@@ -13,7 +13,7 @@ statements          what docs/controller-protocol.md says, and whether the facts
 identity            what names an arm, a computer or a person in a report
 page                the report as a page for a browser
 report              the report as text and as JSON, two of them compared
-program             options, the order of the stages, files
+command             options, the order of the stages, files
 
 Nothing is powered. look and ask set nothing, set moves nothing.
 """

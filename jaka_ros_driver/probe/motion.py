@@ -296,7 +296,7 @@ class Mover:
     def _end_motion(self) -> bool:
         """Bring the arm to rest; return whether it was seen there.
 
-        Where it was not, that is noted and said here, before a put-off signal can end the program.
+        Where it was not, that is noted and said here, before a put-off signal can end the process.
         """
         has_seen_rest = False
         try:

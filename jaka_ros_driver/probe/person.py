@@ -10,10 +10,10 @@ _LONGEST = 4096
 
 
 class Person:
-    """Whoever sits at the terminal that is this program's standard input; nobody, where that is none."""
+    """Whoever sits at the terminal that is this process's standard input; nobody, where that is none."""
 
     def __init__(self, name: str) -> None:
-        """Take the program's name, which stands before each question."""
+        """Take the command's name, which stands before each question."""
         self._name = name
         self.is_there = sys.stdin is not None and sys.stdin.isatty()
 

@@ -1,4 +1,4 @@
-"""The report of a probe: text for the reader, JSON for programs, and what differs between two of them."""
+"""The report of a probe: text for the reader, JSON for scripts, and what differs between two of them."""
 import json
 import textwrap
 from types import MappingProxyType

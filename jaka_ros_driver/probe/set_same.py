@@ -59,7 +59,7 @@ class StageEnded(JakaError):
 
 @contextlib.contextmanager
 def handled_by(handler: Callable[[int, Any], None], numbers: Sequence[int]) -> Iterator[None]:
-    """Have these signals handled so until the end of the block, but for those that this program ignores."""
+    """Have these signals handled so until the end of the block, but for those that this process ignores."""
     before = {number: signal.signal(number, handler) for number in numbers
               if signal.getsignal(number) is not signal.SIG_IGN}
     try:
@@ -71,7 +71,7 @@ def handled_by(handler: Callable[[int, Any], None], numbers: Sequence[int]) -> I
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Put off the signals that would end this program until the end of the block; for the main thread alone.
+    """Put off the signals that would end this process until the end of the block; for the main thread alone.
 
     They are not blocked: another thread would take them (OpenBLAS begins some), and Python would raise their exception
     in this one all the same.

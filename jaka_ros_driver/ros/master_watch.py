@@ -58,7 +58,7 @@ class MasterWatch:
                 elif unanswered >= _UNANSWERED:
                     _LOG.warning("the ROS master answers again")
                 unanswered = 0
-            except Exception as error:  # none, one that is cut off, or of another program at its address
+            except Exception as error:  # none, one that is cut off, or of another process at its address
                 unanswered += 1
                 if unanswered == _UNANSWERED:
                     _LOG.warning("the ROS master does not answer: no new call finds this driver, ~stop_move neither; "

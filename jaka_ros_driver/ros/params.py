@@ -255,7 +255,7 @@ class DriverConfig:
                                           "stop_motion.")
     controller_manager: str = _parameter(
         "auto", "text", "", "auto, true, false", "Offer the names of ros_control's controller_manager beside the "
-        "trajectory controller. Programs such as rqt_joint_trajectory_controller find it there. Not where one of the "
+        "trajectory controller. Software such as rqt_joint_trajectory_controller finds it there. Not where one of the "
         "names is served already. auto: 10 s after the start, so that a real controller_manager of the cell is there "
         "first; false where one is started later.", _controller_manager)
     trajectory_start_tolerance: float = _number(

@@ -47,7 +47,7 @@ def refuse_second_node(name: str) -> None:
     """Raise AlreadyDriven where a node of this resolved name lives. Call it before ``rospy.init_node``.
 
     Without a master, or where the node is dead, it does nothing. What listens at a dead node's address may be another
-    program by then: one that answers otherwise than a node, or by another name, is not this node. One that does not
+    process by then: one that answers otherwise than a node, or by another name, is not this node. One that does not
     answer at all is taken for it where the address of its services is as silent: a process that was stopped (SIGSTOP)
     goes on later.
     """

@@ -161,7 +161,7 @@ def require_own_answer(uri: str, name: str) -> None:
         raise Unreachable("clients are told to reach this node at %s, but it does not answer there (%s); %s"
                           % (uri, error.__cause__ or error, _settings())) from None
     if not isinstance(answer, (list, tuple)) or list(answer[::2]) != [1, os.getpid()]:
-        raise Unreachable("clients are told to reach this node at %s, but another program answers there; %s"
+        raise Unreachable("clients are told to reach this node at %s, but another process answers there; %s"
                           % (uri, _settings()))
 
 
@@ -241,10 +241,10 @@ def refuse_topics_used_twice() -> None:
                              "~trajectory_controller and the remappings" % ", ".join(twice))
 
 
-# ---- a name that another program serves is left to it ----
+# ---- a name that another process serves is left to it ----
 
 def server_of(service: str) -> str:
-    """Return the address at which another program serves this service, "" where nobody listens there.
+    """Return the address at which another process serves this service, "" where nobody listens there.
 
     A master that does not answer counts as a server: what it knows must not be overwritten.
     """
@@ -258,7 +258,7 @@ def server_of(service: str) -> str:
         parts = urlsplit(uri)
         socket.create_connection((parts.hostname or "", parts.port or 0), _PROBE_TIMEOUT_S).close()
     except ConnectionRefusedError:
-        return ""  # what a program that was killed has left with the master
+        return ""  # what a process that was killed has left with the master
     except (OSError, ValueError):  # an address that is none, too
         pass
     return uri

@@ -1,4 +1,4 @@
-"""The simulated controller: a command (``jaka_sim``) and, as ``SimulatedController``, a part of other programs.
+"""The simulated controller: a command (``jaka_sim``) and, as ``SimulatedController``, a part of other code.
 
 The rooms, from the ground up; a room imports only from those above it in this list:
 

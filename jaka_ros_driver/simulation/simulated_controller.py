@@ -1,4 +1,4 @@
-"""A simulated controller inside another program: the whole product, in a thread of its own.
+"""A simulated controller inside another process: the whole product, in a thread of its own.
 
 ::
 

@@ -52,7 +52,7 @@ class PortServer:
             self._listeners.close()
             self._selector.close()
 
-    # --- what the program does --------------------------------------------------------------------------------------
+    # --- what the process does --------------------------------------------------------------------------------------
 
     def _wait_s(self) -> float:
         """Return the longest wait for the next event, s."""

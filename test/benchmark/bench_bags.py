@@ -25,8 +25,8 @@ sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / 
                 str(ROOT / "test" / "support" / "logs")]
 
 import numpy as np  # noqa: E402
+from command_places import command_of  # noqa: E402
 from log_samples import JOINTS, START_NS, STATES, TOOL, connection, joints, tool  # noqa: E402
-from program_places import command_of  # noqa: E402
 
 from jaka_bag.containers.bag.writer import BagWriter  # noqa: E402
 from jaka_bag.containers.registry import open_log  # noqa: E402

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
                 str(ROOT / "test" / "support" / "logs")]
 
-from program_places import command_of  # noqa: E402
+from command_places import command_of  # noqa: E402
 from synthetic_session import Conditions, moves, simulate, write_log  # noqa: E402
 
 JAKA_BAG = command_of("jaka_bag")

@@ -253,7 +253,7 @@ def main() -> int:
               % (logs_size / 1e6, target_size / 1e6, target_size / logs_size, compact_s,
                  (target / "runs" / "compacted.parquet").stat().st_size / len(logs)))
         is_met &= show_questions(target)
-        print("memory of this program: %.0f MB" % (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3))
+        print("memory of this process: %.0f MB" % (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3))
         return 0 if is_met else 1
     finally:
         if not options.keep:

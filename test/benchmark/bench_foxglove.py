@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 for folder in ("tools", "test/support", "test/support/live", "test/support/logs"):
     sys.path.insert(0, str(ROOT / folder))
 
+from command_places import command_of  # noqa: E402
 from foxglove_clients import RawViewer, Served, data_of  # noqa: E402
 from live_samples import twist_connection, twist_frame  # noqa: E402
-from program_places import command_of  # noqa: E402
 from ros_graph import Graph, with_subscribers  # noqa: E402
 
 RATE_HZ = 125

@@ -1,4 +1,4 @@
-"""Figures that pages and other programs rely on, and the feed's report of itself."""
+"""Figures that pages and other software rely on, and the feed's report of itself."""
 import pytest
 
 from jaka_ros_driver.client.core.feed import Feed

@@ -182,7 +182,7 @@ def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, cal
 
 
 def test_short_connections_of_others_beside_it_disturb_no_move(bench, call):
-    # Public programs open one for each request (docs/controller-protocol.md section 1).
+    # Public clients open one for each request (docs/controller-protocol.md section 1).
     one = bench(single_client="coexist")
     arm = one.connect()
     move = call(arm.move, SLOW_MOVE)

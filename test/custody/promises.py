@@ -1,7 +1,7 @@
 """The promises of docs/safety.yaml: what each rests on, and the parts of docs/safety.md that are made from them.
 
 A promise has rules of the simulation and planted defects that these rules find. What no simulation of the core can
-judge is behaviour, with tests of real processes and the reason. Run as a program, this writes the parts into the page:
+judge is behaviour, with tests of real processes and the reason. Run as a command, this writes the parts into the page:
 
     build/venv/bin/python3 test/custody/promises.py
 """

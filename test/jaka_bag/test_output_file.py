@@ -52,7 +52,7 @@ def test_an_output_that_appears_meanwhile_is_kept(tmp_path):
 
 def test_a_working_file_in_use_is_refused_and_a_leftover_is_taken_over(tmp_path):
     first = OutputFile(tmp_path / "log")
-    with pytest.raises(OutputExists, match="another program"):
+    with pytest.raises(OutputExists, match="another process"):
         OutputFile(tmp_path / "log")
     first.file.close()  # as after a kill: the lock is gone, the file is there
     with OutputFile(tmp_path / "log") as second:
@@ -156,7 +156,7 @@ def test_a_folder_is_locked_until_it_has_its_name(tmp_path, monkeypatch):
     rename = os.rename
 
     def interfere(source, target):
-        with pytest.raises(OutputExists, match="another program"):
+        with pytest.raises(OutputExists, match="another process"):
             OutputFolder(tmp_path / "run", lambda name: True)
         rename(source, target)
 

@@ -6,10 +6,10 @@ import struct
 import threading
 
 import pytest
+from command_places import command_of
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Refused, Served, data_of
 from live_samples import STRING, TWIST_STAMPED, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
-from program_places import command_of
 from ros_graph import Graph, with_subscribers
 from waiting import wait_until
 

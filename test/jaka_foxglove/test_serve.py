@@ -7,10 +7,10 @@ from typing import Dict, List
 
 import pytest
 import waiting
+from command_places import command_of
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Served, control, data_of, serving, state_of
 from log_samples import JOINTS, MODEL, STATES, Sample, in_order, state_log, states, text, write
 from mcap.reader import make_reader
-from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.registry import open_log

@@ -1,11 +1,11 @@
-"""The program migrate_cell: its report of a cell, the bytes that it writes, files that are not as they should be."""
+"""The command migrate_cell: its report of a cell, the bytes that it writes, files that are not as they should be."""
 import os
 import re
 import stat
 import subprocess
 
 import pytest
-from program_places import command_of
+from command_places import command_of
 
 from jaka_migration.cell import main
 from jaka_migration.launch_changes import Wanted, examine
@@ -145,7 +145,7 @@ def test_a_launch_file_that_ends_in_xml_is_read_by_its_root(tmp_path, capsys):
     os.mkfifo(str(tmp_path / "pipe.xml"))
     assert main([str(tmp_path), *WRITE]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("2 launch files and programs read, 1 drivers") and "away.xml: a link" in said
+    assert said.startswith("2 launch files and source files read, 1 drivers") and "away.xml: a link" in said
     assert b"jaka_ros_driver" in (tmp_path / "driver.xml").read_bytes()
 
 
@@ -215,9 +215,9 @@ PUBLISHED = {  # the shapes of clients that people have published, one line each
     "typed.cpp": (b'c = nh.serviceClient<jaka_msgs::Move>("/jaka_driver/linear_move");', "linear_move"),
     "member.cpp": (b"c_ = nh_.serviceClient<jaka_msgs::Move>(linear_move_service_);", "service is named elsewhere"),
     "default.cpp": (b'n.param<std::string>("s", s_, std::string("/jaka_driver/linear_move"));', "linear_move"),
-    "header.cpp": (b'#include "jaka_driver/JAKAZuRobot.h"', "maker's SDK in a program"),
-    "login.cpp": (b'robot.login_in("10.5.5.100");', "maker's SDK in a program"),
-    "module.py": (b"import jkrc", "maker's SDK in a program"),
+    "header.cpp": (b'#include "jaka_driver/JAKAZuRobot.h"', "maker's SDK in your code"),
+    "login.cpp": (b'robot.login_in("10.5.5.100");', "maker's SDK in your code"),
+    "module.py": (b"import jkrc", "maker's SDK in your code"),
     "cfg.yaml": (b"linear_move_service: /jaka_driver/linear_move", "linear_move: its orientation"),
     "call.sh": (b'rosservice call /jaka_driver/servo_p "{pose: [1, 0, 0, 0, 0, 0]}"', "servo_p"),
     "value.launch": (b'<launch><param name="s" value="/jaka_driver/servo_p"/></launch>', "servo_p"),
@@ -349,7 +349,7 @@ def test_elements_are_found_at_their_bytes_behind_a_mark_and_in_words_of_any_lan
         elements(b"<launch>\n"[:-1] + b"&x;")
 
 
-def test_the_program_runs_without_ros_and_a_reader_may_have_enough(tmp_path):
+def test_the_command_runs_without_ros_and_a_reader_may_have_enough(tmp_path):
     (tmp_path / "a.launch").write_bytes(INCLUDE)
     (tmp_path / "many.py").write_text('"/jaka_driver/jog"\n' * 20000)
     words = command_of("migrate_cell")
@@ -357,5 +357,6 @@ def test_the_program_runs_without_ros_and_a_reader_may_have_enough(tmp_path):
     done = subprocess.run("%s %s | head -n 2; echo ${PIPESTATUS[0]}" % (" ".join(words), tmp_path), shell=True,
                           executable="/bin/bash", env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           text=True, timeout=60)
-    assert "Traceback" not in done.stdout and done.stdout.startswith("2 launch files and programs read"), done.stdout
+    assert "Traceback" not in done.stdout, done.stdout
+    assert done.stdout.startswith("2 launch files and source files read"), done.stdout
     assert done.stdout.splitlines()[-1] == "1"

@@ -7,9 +7,9 @@ import subprocess
 
 import moveit_packages
 import pytest
+from command_places import command_of
 from import_graph import ROOT, outside_imports
 from moveit_packages import ARMS, JOINTS, fitting, makers, urdf_of, write
-from program_places import command_of
 
 from jaka_migration import launch_files
 from jaka_migration.moveit_config import check, main
@@ -302,7 +302,7 @@ def test_a_configuration_of_moveit_2_is_told(tmp_path):
     report = check(str(package))
     line, = lines(report, MUST_CHANGE)
     assert line.startswith("config/moveit_controllers.yaml:2: is in the form of MoveIt 2")
-    assert found(report, NOT_READ, "launch/demo.launch.py: is a Python program")
+    assert found(report, NOT_READ, "launch/demo.launch.py: is Python code")
 
 
 def test_the_layout_of_the_setup_assistant_fits(tmp_path):
@@ -353,7 +353,7 @@ def test_the_drivers_start_tolerance_is_the_one_of_its_parameter():
 
 # ---- the program ----
 
-def test_the_program_prints_its_list_for_people_and_for_programs(tmp_path):
+def test_the_command_prints_its_list_for_people_and_for_scripts(tmp_path):
     package = makers(tmp_path, "zu7")
     words = [*command_of("check_moveit_config"), str(package)]
     done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=100)

@@ -25,21 +25,21 @@ print(repr(host.words(time.time_ns())))
 """
 
 
-def test_a_program_that_was_not_let_run_is_told():
-    program = subprocess.Popen([sys.executable, "-c", WATCHING], cwd=str(ROOT), stdin=subprocess.PIPE,
+def test_a_process_that_was_not_let_run_is_told():
+    process = subprocess.Popen([sys.executable, "-c", WATCHING], cwd=str(ROOT), stdin=subprocess.PIPE,
                                stdout=subprocess.PIPE, universal_newlines=True)
     try:
-        for line in iter(program.stdout.readline, "seen\n"):  # again where it had not begun to watch
+        for line in iter(process.stdout.readline, "seen\n"):  # again where it had not begun to watch
             assert line == "watching\n"
-            os.kill(program.pid, signal.SIGSTOP)
+            os.kill(process.pid, signal.SIGSTOP)
             time.sleep(0.5)  # so long it is not let run
-            os.kill(program.pid, signal.SIGCONT)
-        lasted, words, later = program.communicate("\n", timeout=30)[0].splitlines()
+            os.kill(process.pid, signal.SIGCONT)
+        lasted, words, later = process.communicate("\n", timeout=30)[0].splitlines()
     finally:
-        program.kill()
-        program.wait()
+        process.kill()
+        process.wait()
     assert 0.4 < float(lasted)
-    assert words.startswith("this computer let programs wait for up to ") and "replay again" in words
+    assert words.startswith("this computer let processes wait for up to ") and "replay again" in words
     assert later == "''", "a pause before the log began is none of its differences"
 
 

@@ -177,7 +177,7 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            "zip(joints, self._held)]) > _SAME:", "zip(joints, self._held)]) >= 0.0:", MANAGER),
     Mutant("the one controller can be stopped", "ros/trajectories/controller_manager.py",
            "        if self.name not in start:\n", "        if False:\n", MANAGER),
-    Mutant("a name that another program serves is taken over", "ros/start_checks.py",
+    Mutant("a name that another process serves is taken over", "ros/start_checks.py",
            "        pass\n    return uri", "        pass\n    return \"\"", MANAGER),
     Mutant("every trajectory succeeds", "ros/trajectories/action.py",
            "                    self._ended_with(handle, error)\n                    return\n",

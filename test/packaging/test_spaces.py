@@ -129,7 +129,7 @@ def test_the_simulation_runs_as_a_module_with_its_data(space, shell):
 
 
 def test_the_log_tools_are_found_with_the_subcommands_that_need_the_driver(space, shell):
-    shell("/usr/bin/python3 -c 'import jaka_bag, jaka_regression.programs; jaka_bag.__version__'", space)
+    shell("/usr/bin/python3 -c 'import jaka_bag, jaka_regression.command_lines; jaka_bag.__version__'", space)
     shell("rosrun jaka_ros_driver jaka_bag replay-commands --help", space)
 
 

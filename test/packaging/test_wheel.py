@@ -6,8 +6,8 @@ import socket
 import subprocess
 
 import pytest
+from command_places import wheel_venv
 from import_graph import ROOT
-from program_places import wheel_venv
 from ros_graph import SYSTEM_PYTHON, Process
 from waiting import wait_until
 

@@ -21,7 +21,7 @@ RECORDS = {path.stem: json.loads(path.read_text(encoding="utf-8"))
            for path in sorted((DATA / "playback").glob("*.json"))}
 OF_THE_PLAYER = {"polled_port", "second_status_client", "second_client", "reply_time", "reply_time_p99", "poll_rate",
                  "feed_under_polling", "feed_longest_gap", "feed_period"}
-"""Facts that this program makes up itself: whom it serves, and when."""
+"""Facts that this command makes up itself: whom it serves, and when."""
 OF_PART_OF_A_FRAME = {"frame_bytes", "frame_fields_missing"}
 """Facts that a frame does not hold of which only some fields are known."""
 PATIENCE_S = 0.3

@@ -1,4 +1,4 @@
-"""The program jaka_probe on simulated controllers that it knows nothing of: what it finds, sends, keeps and leaves."""
+"""The command jaka_probe on simulated controllers that it knows nothing of: what it finds, sends, keeps and leaves."""
 import contextlib
 import dataclasses
 import json
@@ -11,12 +11,13 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from command_places import command_of
 from probe_bench import WAIT, command, facts_in, probe, wrong
-from program_places import command_of
 from raw_client import RawClient
 
 from jaka_ros_driver.probe import ask as questions
-from jaka_ros_driver.probe import program, report
+from jaka_ros_driver.probe import command as probe_command
+from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.look import KNOWN, OMITTED, HeardFeed, feed_facts
@@ -181,7 +182,7 @@ def heard(*ages, at=(0.0,) * 6):
     (lambda: heard(0.06, 0.03, at=(0.1,) * 6), "the arm moves"), (lambda: heard(0.0), "does not show"),
     (lambda: None, "does not show")])
 def test_a_feed_that_is_silent_does_not_show_an_arm_at_rest(tmp_path, feed, reason):
-    run = program._Run(program.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
+    run = probe_command._Run(probe_command.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
     found = run._refusal(feed())
     assert reason in found and bool(reason) == bool(found)
 
@@ -195,7 +196,7 @@ def test_frames_that_waited_to_be_read_are_old_before_anything_is_asked(tmp_path
     with ours, theirs:
         theirs.sendall(3 * text)
         feed = HeardFeed(KeptConnection(ConnectionLog(""), "status", ours))
-        run = program._Run(program.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
+        run = probe_command._Run(probe_command.parser().parse_args(["10.0.0.1", "--out", str(tmp_path)]))
         monkeypatch.setattr(run, "_look", lambda: feed)
         monkeypatch.setattr(run, "_ask", lambda feed: pytest.fail("it was asked"))
         assert run.stages() == 1 and len(feed.states) == 3
@@ -283,7 +284,7 @@ def test_a_fact_of_another_kind_is_refused_with_its_name(tmp_path, capsys, name,
     path = tmp_path / "probe.json"
     path.write_text(json.dumps({"format": 1, "facts": facts}))
     for words in (["explain", str(path)], ["diff", str(path), str(path)]):
-        assert program.main(words) == 1
+        assert probe_command.main(words) == 1
         said = capsys.readouterr().err
         assert said.startswith("jaka_probe: error: ") and name in said and said.count("\n") == 1
 

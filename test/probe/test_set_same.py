@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaka_ros_driver.probe import program, report
+from jaka_ros_driver.probe import command, report
 from jaka_ros_driver.probe.ask import TimedReply
 from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, _is_equal, set_same, uninterrupted
 from jaka_ros_driver.state import RobotState
@@ -176,7 +176,7 @@ def test_an_output_that_no_frame_shows_any_more_is_switched_back_and_to_nothing_
 _RUN = """
 import os, signal, sys
 from test_set_same import OddController
-from jaka_ros_driver.probe import program
+from jaka_ros_driver.probe import command
 from jaka_ros_driver.probe.set_same import _switch_output
 number = int(sys.argv[1])
 signal.signal(number, signal.SIG_DFL)  # what the tests run in, as nohup, may ignore some
@@ -191,8 +191,8 @@ def ask(name, patience=0.0, **given):
         os.kill(os.getpid(), number)
     return reply
 desk.ask = ask
-program._Run.stages = lambda run: _switch_output(desk, run._facts, run._back, 3, lambda question: "") or 0
-sys.exit(program.main(["10.0.0.1", "--out", sys.argv[2], "--stage", "set"]))
+command._Run.stages = lambda run: _switch_output(desk, run._facts, run._back, 3, lambda question: "") or 0
+sys.exit(command.main(["10.0.0.1", "--out", sys.argv[2], "--stage", "set"]))
 """
 
 
@@ -209,13 +209,13 @@ def test_a_signal_loses_no_account_of_what_is_not_set_back(tmp_path, number):
 
 
 def test_a_closed_output_does_not_keep_the_report_from_being_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(program._Run, "stages",
-                        lambda run: run._back.left.append("an output") or program._tell("a line") or 1)
+    monkeypatch.setattr(command._Run, "stages",
+                        lambda run: run._back.left.append("an output") or command._tell("a line") or 1)
 
     def closed(*words, **options):
         raise OSError("Input/output error")
     monkeypatch.setattr("builtins.print", closed)
-    program.main(["10.0.0.1", "--out", str(tmp_path / "out")])
+    command.main(["10.0.0.1", "--out", str(tmp_path / "out")])
     assert json.loads((tmp_path / "out" / "probe.json").read_text())["not_set_back"] == ["an output"]
 
 

@@ -63,7 +63,7 @@ def starts(folder):
 
 @contextlib.contextmanager
 def under_prefix(folder, code):
-    """Run a program that ends with this exit code as the launch file starts the black box, in a group of its own."""
+    """Run a process that ends with this exit code as the launch file starts the black box, in a group of its own."""
     (node,) = black_boxes("black_box:=/data", "ip:=10.5.5.100")
     command = [*shlex.split(node.launch_prefix), sys.executable, "-c", FAILS, str(folder / "starts"), str(code)]
     process = subprocess.Popen(command, start_new_session=True)

@@ -1,7 +1,7 @@
-"""A cell for the maker's driver, migrated: its program makes the arm do what the maker's driver would have made it do.
+"""A cell for the maker's driver, migrated: its node makes the arm do what the maker's driver would have made it do.
 
 Before: the requests of test/data/migration/wire.yaml, sent to a simulated controller. After: migrate_cell, the cell's
-launch file, the cell's program, a simulated controller of the same kind.
+launch file, the cell's node, a simulated controller of the same kind.
 """
 import contextlib
 import json
@@ -15,9 +15,9 @@ import time
 import pytest
 import rospy
 import yaml
+from command_places import command_of
 from driver_bench import Arm, DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
-from program_places import command_of
 from raw_client import RawClient
 from ros_graph import launched_parent
 from waiting import WAIT, eventually

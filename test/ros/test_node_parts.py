@@ -60,7 +60,7 @@ def test_a_motion_guard_that_refuses_nothing_is_said_at_the_start(parts, caplog,
 
 
 @pytest.mark.parametrize("present, is_wanted, is_set", [
-    ("", True, True), ("", False, False), ("<robot name='of another program'/>", True, False)])
+    ("", True, True), ("", False, False), ("<robot name='of another arm'/>", True, False)])
 def test_the_description_is_set_where_there_is_none(parts, present, is_wanted, is_set):
     parts["rospy"].get_param.return_value = present
     driver(publish_description=is_wanted).start()
@@ -210,7 +210,7 @@ def test_the_urdf_of_a_model_is_printed_or_why_not(capsys, arguments, code, told
 
 @pytest.fixture
 def intervals(monkeypatch):
-    """Let the program come as far as to find another one that runs; return the switch intervals that it sets, s."""
+    """Let the node come as far as to find another one that runs; return the switch intervals that it sets, s."""
     found = []
     monkeypatch.setattr(node, "ask_for_short_slices", lambda: None)
     monkeypatch.setattr(node.sys, "setswitchinterval", found.append)

@@ -9,9 +9,9 @@ import time
 import pytest
 import rosgraph
 import rospy
+from command_places import command_of
 from driver_bench import HOME, evidence_of
 from import_graph import ROOT
-from program_places import command_of
 from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode

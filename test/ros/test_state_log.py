@@ -9,9 +9,9 @@ import pytest
 import rosgraph
 import rospy
 from action_bench import PathClient, joint
+from command_places import command_of
 from driver_bench import HOME
 from import_graph import ROOT
-from program_places import command_of
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import eventually

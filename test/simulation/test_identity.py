@@ -3,7 +3,7 @@ import json
 import subprocess
 
 import pytest
-from program_places import command_of
+from command_places import command_of
 from raw_client import RawClient
 
 from jaka_ros_driver.errors import InvalidCommand

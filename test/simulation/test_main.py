@@ -5,7 +5,7 @@ import signal
 import subprocess
 
 import pytest
-from program_places import command_of
+from command_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.__main__ import main

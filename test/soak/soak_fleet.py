@@ -12,11 +12,11 @@ import threading
 from pathlib import Path
 
 import pytest
+from command_places import command_of
 from dask_cluster import DaskCluster
 from fleet_logs import write_plant
 from fleet_tasks import die_once, wait_for_gate
 from import_graph import ROOT
-from program_places import command_of
 from waiting import wait_until
 
 from jaka_bag.cli.main import main
@@ -120,7 +120,7 @@ def stages():
             parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
         except (OSError, ValueError):
             continue
-        if b"jaka_fleet.replay.stage_program" in words:
+        if b"jaka_fleet.replay.stage_process" in words:
             found[int(entry.name)] = parent
     return found
 

@@ -1,8 +1,8 @@
-"""Defects planted into a cell's program, the driver and the simulated controller: does a comparison find each?
+"""Defects planted into a cell's node, the driver and the simulated controller: does a comparison find each?
 
     build/venv/bin/python3 test/soak/soak_planted_defects.py [--only WORDS] [--unchanged N]        in the devel space
 
-The cell's program (``planted/every_way.py``) is recorded once; then it runs with each defect, one at a time, against
+The cell's node (``planted/every_way.py``) is recorded once; then it runs with each defect, one at a time, against
 its golden log with default tolerances. First it runs unchanged, N times. Prints a line for each run, and which defects
 were missed; exit code 1 when one was missed that has no reason here, or an unchanged run differed.
 """
@@ -18,16 +18,16 @@ from typing import Dict, NamedTuple, Optional, Sequence, Tuple
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-from jaka_regression import programs  # noqa: E402 - the checkout, wherever it is started from
+from jaka_regression import command_lines  # noqa: E402 - the checkout, wherever it is started from
 from jaka_regression.cell.run import run_cell  # noqa: E402
-from jaka_regression.cell.stage import CellProgram, CellStage  # noqa: E402
-from jaka_regression.processes import Programs  # noqa: E402
+from jaka_regression.cell.stage import CellLaunch, CellStage  # noqa: E402
+from jaka_regression.processes import ChildProcesses  # noqa: E402
 from jaka_regression.scenario import parse_scenario  # noqa: E402
 from jaka_regression.stage import Script  # noqa: E402
 from jaka_ros_driver.errors import JakaError  # noqa: E402
 
 CELL = ROOT / "test" / "data" / "cell"
-PROGRAM = Path(__file__).with_name("planted") / "every_way.py"
+NODE = Path(__file__).with_name("planted") / "every_way.py"
 WITHOUT_DRIVER = ("driver:=false",)
 FOLLOW = "/jaka_zu7_controller/follow_joint_trajectory/"
 TOPICS = tuple("/jaka_driver/" + name for name in (
@@ -48,14 +48,14 @@ PROFILES = "jaka_ros_driver/simulation/arm/profiles.py"
 
 
 class Defect(NamedTuple):
-    """A defect: the file in which ``old`` becomes ``new``; None is the cell's program. Each ``old`` is there once."""
+    """A defect: the file in which ``old`` becomes ``new``; None is the cell's node. Each ``old`` is there once."""
 
     path: Optional[str]
     old: str
     new: str
 
 
-IN_PROGRAM: Dict[str, Tuple[str, str]] = {
+IN_NODE: Dict[str, Tuple[str, str]] = {
     "5 mm lower": ("DOWN = (364.4, 233.1, 313.1", "DOWN = (364.4, 233.1, 308.1"),
     "1 mm lower": ("DOWN = (364.4, 233.1, 313.1", "DOWN = (364.4, 233.1, 312.1"),
     "a joint 10 mrad off": ("ABOVE = (0.3, ", "ABOVE = (0.31, "),
@@ -174,7 +174,7 @@ REASONS: Dict[str, str] = {}
 
 def defects() -> Dict[str, Defect]:
     """Return all defects by name, with the place into which each is planted."""
-    found = {"program: " + name: Defect(None, *words) for name, words in IN_PROGRAM.items()}
+    found = {"node: " + name: Defect(None, *words) for name, words in IN_NODE.items()}
     for place, some in (("driver: ", IN_DRIVER), ("controller: ", IN_CONTROLLER)):
         found.update((place + name, Defect(*words)) for name, words in some.items())
     return found
@@ -187,7 +187,7 @@ class Cell:
         self.golden = folder / "golden.mcap"
         self.launch = folder / "my_cell" / "cell.launch"
         shutil.copytree(str(CELL), str(folder / "my_cell"))
-        self.write(PROGRAM.read_text(encoding="utf-8"))
+        self.write(NODE.read_text(encoding="utf-8"))
 
     def write(self, text: str) -> None:
         path = self.launch.with_name("pick_and_place.py")
@@ -198,18 +198,18 @@ class Cell:
         """Record the first run as the golden log."""
         place.mkdir()
         scenario = parse_scenario(GRIPPER, "gripper")
-        with Programs() as some:
+        with ChildProcesses() as some:
             stage = CellStage(some, place, Script(None, (), 0.0, TOPICS), scenario)
-            problem = stage.run_cell(self.golden, programs.DRIVER, CellProgram(
+            problem = stage.run_cell(self.golden, command_lines.DRIVER, CellLaunch(
                 self.launch, WITHOUT_DRIVER, (), 0.0, 0.0))
         if problem:
             raise JakaError(problem)
 
     def run(self, place: Path, defect: Optional[Defect]) -> Tuple[bool, str]:
-        """Run the program with a defect; return whether it is the same, and the summary."""
-        text = PROGRAM.read_text(encoding="utf-8")
-        driver: Sequence[str] = programs.DRIVER
-        simulation = programs.SIMULATION
+        """Run the node with a defect; return whether it is the same, and the summary."""
+        text = NODE.read_text(encoding="utf-8")
+        driver: Sequence[str] = command_lines.DRIVER
+        simulation = command_lines.SIMULATION
         if defect is not None and defect.path is None:
             text = replaced(text, defect)
         elif defect is not None:
@@ -219,16 +219,16 @@ class Cell:
             path = copy / defect.path
             path.write_text(replaced(path.read_text(encoding="utf-8"), defect), encoding="utf-8")
             if "/simulation/" in defect.path:
-                programs.SIMULATION = ("-c", "import sys; sys.path.insert(0, %r); %s" % (str(copy), simulation[1]))
+                command_lines.SIMULATION = ("-c", "import sys; sys.path.insert(0, %r); %s" % (str(copy), simulation[1]))
             else:
-                driver = programs.driver_in(str(copy))
+                driver = command_lines.driver_in(str(copy))
         self.write(text)
         try:
             result = run_cell(self.launch, self.golden, place, WITHOUT_DRIVER, driver=driver)
         except JakaError as error:
             return False, "failed: %s" % str(error).splitlines()[0]
         finally:
-            programs.SIMULATION = simulation
+            command_lines.SIMULATION = simulation
         return result.same, result.summary
 
 
@@ -238,7 +238,7 @@ def replaced(text: str, defect: Defect) -> str:
 
 
 def main() -> int:
-    """Run the program unchanged and with each defect; print what the comparison says."""
+    """Run the node unchanged and with each defect; print what the comparison says."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", default="", metavar="WORDS", help="the defects whose names have these words")
     parser.add_argument("--unchanged", type=int, default=5, metavar="N", help="unchanged runs first, default 5")

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from arm_bench import fill
-from program_places import command_of
+from command_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController

@@ -1,4 +1,4 @@
-"""A check of what the packages install: the demo, the README's commands, every program, man pages, completions.
+"""A check of what the packages install: the demo, the README's commands, every command, man pages, completions.
 
 argv: the README; the time at which apt began to install, s since 1970. Prints a line for each thing tried; exits 1
 where one failed. Runs with the installed Python and its standard library alone, in a network namespace of its own.
@@ -20,7 +20,7 @@ from typing import Callable, Dict, Iterator, List
 
 PATIENCE_S = 240.0
 ENVIRONMENT = {**os.environ, "ROS_HOSTNAME": "localhost", "PYTHONUNBUFFERED": "1"}
-PROGRAMS = {"check_moveit_config": [], "jaka_bag": [], "jaka_doctor": [], "jaka_driver": [], "jaka_foxglove": [],
+EXECUTABLES = {"check_moveit_config": [], "jaka_bag": [], "jaka_doctor": [], "jaka_driver": [], "jaka_foxglove": [],
             "jaka_panel": [], "jaka_probe": [], "jaka_sim": ["panel", "proxy"], "migrate_cell": []}
 ANSWERS = {"get_fk": "cartesian_pose: [", "rostopic hz": "average rate", "jaka_bag info": "messages"}
 """Text that the output of some of the README's commands must contain, besides an exit code of 0."""
@@ -65,7 +65,7 @@ def check(name: str, attempt: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def running(*command: str, log: str) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run a program beside this one; it is asked to end with the context, and must."""
+    """Run a command beside this one; it is asked to end with the context, and must."""
     with open(log, "wb") as file:
         process = subprocess.Popen(command, env=ENVIRONMENT, stdin=subprocess.DEVNULL, stdout=file,
                                    stderr=subprocess.STDOUT)
@@ -108,7 +108,7 @@ def demo(page: str, started: float) -> None:
             sizes = [len(urllib.request.urlopen(base + name, timeout=30).read())
                      for name in ("", "web/js/app.js", "web/vendor/three/three.module.js")]
             assert min(sizes) > 500, sizes
-            return "%d bytes of page, %d of its program" % (sizes[0], sizes[1])
+            return "%d bytes of page, %d of its script" % (sizes[0], sizes[1])
         check("jaka_panel: its page", fetched)
         for command in commands:
             def readme_command(command: str = command) -> str:
@@ -150,13 +150,13 @@ def wire_log() -> str:
 def documents() -> str:
     """Count the man pages and try the completions."""
     pages = sorted(path.name for path in pathlib.Path("/usr/share/man/man1").iterdir()
-                   if path.name.split(".")[0].split("-")[0] in PROGRAMS)
-    for program, commands in PROGRAMS.items():
-        for name in [program] + ["%s-%s" % (program, command) for command in commands]:
+                   if path.name.split(".")[0].split("-")[0] in EXECUTABLES)
+    for executable, commands in EXECUTABLES.items():
+        for name in [executable] + ["%s-%s" % (executable, command) for command in commands]:
             assert name + ".1.gz" in pages, name
-    for program in set(PROGRAMS) - {"jaka_foxglove"}:
-        run(". /usr/share/bash-completion/completions/%s && complete -p %s" % (program, program))
-        assert pathlib.Path("/usr/share/zsh/vendor-completions/_" + program).exists()
+    for executable in set(EXECUTABLES) - {"jaka_foxglove"}:
+        run(". /usr/share/bash-completion/completions/%s && complete -p %s" % (executable, executable))
+        assert pathlib.Path("/usr/share/zsh/vendor-completions/_" + executable).exists()
     return "%d man pages" % len(pages)
 
 
@@ -176,9 +176,9 @@ def main() -> int:
     rospy = run("dpkg-query -W -f='${Version}' python3-rospy")
     print("Python %s, rospy %s" % (platform.python_version(), rospy), flush=True)
     demo(page, started)
-    for program, commands in PROGRAMS.items():
+    for executable, commands in EXECUTABLES.items():
         for command in ["", *commands]:
-            name = ("%s %s" % (program, command)).strip()
+            name = ("%s %s" % (executable, command)).strip()
             check(name + " --help", lambda name=name: run(name + " --help") and "")
     subcommands = re.findall(r"^  ((?:dataset )?[a-z-]+) +\w", run("jaka_bag --help"), re.MULTILINE)
     check("all %d subcommands of jaka_bag --help" % len(subcommands),
@@ -188,7 +188,7 @@ def main() -> int:
     check("man pages and completions", documents)
     check("jaka-driver@.service", unit)
     failed = [name for name, result in results.items() if result != "works"]
-    print("programs: %d passed, %d failed" % (len(results) - len(failed), len(failed)), flush=True)
+    print("commands: %d passed, %d failed" % (len(results) - len(failed), len(failed)), flush=True)
     if failed and pathlib.Path("demo.log").exists():
         print(pathlib.Path("demo.log").read_text()[-3000:])
     return int(bool(failed))

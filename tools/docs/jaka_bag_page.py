@@ -11,19 +11,19 @@ from typing import List
 from peers import COMMANDS as PEER_COMMANDS
 from peers import OPTIONS, WITHOUT, Peers
 
-from jaka_bag.cli.main import COMMANDS, PROGRAM, load_command, parser_of
+from jaka_bag.cli.main import COMMANDS, EXECUTABLE, load_command, parser_of
 
 _HEAD = """\
 # jaka_bag: commands and options
 
 A reference for whoever knows what to do and looks for the option: what each command and option is called here, and what
 `rosbag`, `mcap` and `ros2 bag` call the same. [state_logs.md](state_logs.md) says what the commands are for and what
-stands behind them; `{program} COMMAND --help` has examples of each. With a log of yours:
+stands behind them; `{executable} COMMAND --help` has examples of each. With a log of yours:
 
 ```sh
-{program} info --freq run.bag
-{program} convert run.bag -o again.mcap
-{program} compare run.bag again.mcap
+{executable} info --freq run.bag
+{executable} convert run.bag -o again.mcap
+{executable} compare run.bag again.mcap
 ```
 
 This page is made from the commands themselves; after a change write it anew, in a shell that knows the build:
@@ -86,7 +86,7 @@ def _section(name: str) -> List[str]:
     parser = parser_of(name, load_command(name), 98)
     positional = " ".join(action.metavar if isinstance(action.metavar, str) else action.dest
                           for action in parser._actions if not action.option_strings)
-    lines = ["", "## %s" % name, "", "`%s`: %s." % (" ".join(filter(None, [PROGRAM, name, positional])),
+    lines = ["", "## %s" % name, "", "`%s`: %s." % (" ".join(filter(None, [EXECUTABLE, name, positional])),
                                                   _cell(COMMANDS[name].summary)), ""]
     options = shown_options(parser)
     if options:
@@ -103,7 +103,7 @@ def page() -> str:
     Raises:
         MissingCommand: The package that brings a command is not installed.
     """
-    lines = [_HEAD.format(program=PROGRAM).rstrip("\n")]
+    lines = [_HEAD.format(executable=EXECUTABLE).rstrip("\n")]
     lines += [_row("[%s](#%s)" % (name, name.replace(" ", "-")), command.summary, PEER_COMMANDS.get(name, Peers()))
               for name, command in COMMANDS.items()]
     lines += ["", "Options of `rosbag` without a counterpart:", "", "| rosbag | here |", "|---|---|"]

@@ -5,7 +5,7 @@ from typing import Dict, NamedTuple
 
 
 class Peers(NamedTuple):
-    """The same thing in the three other programs; empty where one has nothing like it."""
+    """The same thing in the three other tools; empty where one has nothing like it."""
 
     rosbag: str = ""
     mcap: str = ""

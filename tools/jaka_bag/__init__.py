@@ -17,10 +17,10 @@ operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
 compare              does the arm still do what it did? a log against a golden one, and the reports
 engines              one task a log: here, in processes, on Dask
-cli                  the program ``jaka_bag``, one module a subcommand
+cli                  the command ``jaka_bag``, one module a subcommand
 __main__             the same as a module that Python can run
 
-For programs: ``open_log``, ``read_index``, ``create_log``, ``messages_of`` and ``read_columns`` of this package.
+For Python code: ``open_log``, ``read_index``, ``create_log``, ``messages_of`` and ``read_columns`` of this package.
 """
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""The program ``jaka_bag`` as a module that Python can run."""
+"""The command ``jaka_bag`` as a module that Python can run."""
 import sys
 
 from .cli.main import main

@@ -34,7 +34,7 @@ class NotSupported(BagFormatError):
 
 
 class OutputExists(BagError):
-    """The output is there already and overwriting was not asked for, or another program is writing it."""
+    """The output is there already and overwriting was not asked for, or another process is writing it."""
 
 
 class DefinitionError(BagError):

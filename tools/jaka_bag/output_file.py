@@ -28,7 +28,7 @@ def is_same_file(one: PathLike, other: PathLike) -> bool:
 def note_source(path: PathLike) -> None:
     """Note a file or folder that this process reads: no output is written in its place while it is unfinished.
 
-    A working file that a killed program left is taken over; but it may just be what somebody recovers from.
+    A working file that a killed process left is taken over; but it may just be what somebody recovers from.
     """
     _sources.add(os.path.abspath(str(path)))
 
@@ -46,23 +46,23 @@ def _names_beside(path: Path, suffix: str) -> Iterator[Path]:
 
 
 def _working_names(path: Path, suffix: str) -> Iterator[Path]:
-    """Return the names beside it but those of sources, and of links, which no program leaves behind."""
+    """Return the names beside it but those of sources, and of links, which no process leaves behind."""
     return (name for name in _names_beside(path, suffix) if not name.is_symlink() and not _is_read(name))
 
 
 def _lock(descriptor: int, name: Path) -> bool:
     """Lock what was opened by this name; False where it has another name by now, or none, and was closed.
 
-    Between the opening and the lock another program may finish it, or give up.
+    Between the opening and the lock another process may finish it, or give up.
 
     Raises:
-        OutputExists: Another program is writing it.
+        OutputExists: Another process is writing it.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(descriptor)
-        raise OutputExists("%s is being written by another program" % name) from None
+        raise OutputExists("%s is being written by another process" % name) from None
     with contextlib.suppress(OSError):
         if os.path.samestat(os.fstat(descriptor), os.stat(str(name))):
             return True
@@ -89,14 +89,14 @@ def check_output(path: PathLike, overwrite: bool = False) -> None:
 class OutputFile:
     """A binary file written as ``NAME + suffix`` and renamed to ``NAME`` by ``commit``.
 
-    The working file is locked while it is written: one left behind by a killed program is taken over, one
-    that another program is writing is refused. One that this process reads is left alone, the name gets a number then.
+    The working file is locked while it is written: one left behind by a killed process is taken over, one
+    that another process is writing is refused. One that this process reads is left alone, the name gets a number then.
 
     Args:
         path: The final name.
         overwrite: Replace a file of the final name.
         suffix: Suffix of the working name.
-        keep_leftover: Refuse to take over a working file that a killed program left (it may be evidence).
+        keep_leftover: Refuse to take over a working file that a killed process left (it may be evidence).
 
     Attributes:
         path: The final name.
@@ -190,11 +190,11 @@ class OutputFile:
 class OutputFolder:
     """A folder of outputs written as ``NAME.part`` and renamed to ``NAME`` by ``commit``; locked as ``OutputFile`` is.
 
-    A folder of the working name is emptied and taken over where all that is in it can be what a killed program left.
+    A folder of the working name is emptied and taken over where all that is in it can be what a killed process left.
 
     Args:
         path: The final name.
-        is_leftover: Returns whether a killed program may have left a file of this name in it.
+        is_leftover: Returns whether a killed process may have left a file of this name in it.
 
     Attributes:
         path: The final name.
@@ -213,7 +213,7 @@ class OutputFolder:
             _unfinished.add(self)
 
     def _take(self, name: Path) -> bool:
-        """Make a folder and lock it, and empty one that a killed program left; False where it is somebody else's."""
+        """Make a folder and lock it, and empty one that a killed process left; False where it is somebody else's."""
         self._descriptor = self._open(name)
         while not _lock(self._descriptor, name):
             self._descriptor = self._open(name)
@@ -303,7 +303,7 @@ class OutputFolder:
 
 
 def abort_all() -> None:
-    """Remove what this process has not finished: the last thing before an interrupted program ends.
+    """Remove what this process has not finished: the last thing before an interrupted process ends.
 
     An interruption may come between the creation of a file and the block that would remove it, or in a destructor,
     which swallows it.
@@ -325,7 +325,7 @@ def write_text(path: PathLike, text: str, overwrite: bool = False) -> None:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return whether a running program writes this working file: it holds a lock then (``OutputFile``)."""
+    """Return whether a running process writes this working file: it holds a lock then (``OutputFile``)."""
     try:
         with open(str(path), "rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Many logs: a data set of tables that other programs read, many runs against a golden one, replays of many goldens.
+"""Many logs: a data set of tables that other software reads, many runs against a golden one, replays of many goldens.
 
 On top of ``jaka_bag``, whose engines do the work on one log after the other, here or on a cluster; ``replay`` needs
 ``jaka_regression`` besides.

@@ -1,7 +1,7 @@
 """The access rules of a server: browsers connect only from trusted pages, and only under a name of this server.
 
 A browser lets every web page open a WebSocket to any address, this machine included, and sends the page's origin in the
-header ``Origin``, which the page cannot change. Programs that are no browser send none. A page may also have its own
+header ``Origin``, which the page cannot change. Clients that are no browser send none. A page may also have its own
 host's name lead to this machine (DNS rebinding): then ``Host`` has that name.
 """
 import ipaddress

@@ -1,11 +1,11 @@
-"""Programs for a cell that moves here; none needs ROS, or runs what it reads.
+"""Commands for a cell that moves here; none needs ROS, or runs what it reads.
 
-cell            the program migrate_cell: reports what a cell has of the maker's driver, and changes its launch files
+cell            the command migrate_cell: reports what a cell has of the maker's driver, and changes its launch files
 cell_files      the files below a folder, read and replaced without following a link
-findings        what to look for in programs; each subject with its meaning there and what to do here
+findings        what to look for in source files; each subject with its meaning there and what to do here
 launch_changes  what a launch file has, and the edits with which it starts this driver
 launch_file     launch files as bytes with the places of their elements
-moveit_config   the program check_moveit_config
+moveit_config   the command check_moveit_config
 bounded_files   YAML and XML of anybody: bounded, with lines
 package         the folder of a package, and what lies beside it
 report          the findings of a check, as a list for people or as JSON

@@ -1,4 +1,4 @@
-"""The program migrate_cell: what a cell has of the maker's driver, and its launch files changed to this one."""
+"""The command migrate_cell: what a cell has of the maker's driver, and its launch files changed to this one."""
 import argparse
 import difflib
 import io
@@ -9,7 +9,7 @@ import textwrap
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_migration.cell_files import LAUNCH, IsLink, NotDone, read, replace, single, walk
-from jaka_migration.findings import SUBJECTS, CellFinding, in_program, interfaces_seen
+from jaka_migration.findings import SUBJECTS, CellFinding, in_source, interfaces_seen
 from jaka_migration.launch_changes import Wanted, examine
 from jaka_migration.launch_file import UnreadableLaunchFile
 from jaka_ros_driver.errors import InvalidCommand
@@ -43,7 +43,7 @@ class _Cell:
         changes: The launch files that are to be changed.
         problems: What could not be read or changed, each with its file.
         notes: What was passed over, each with its file.
-        interfaces: For each interface the programs that read tool_position in its type.
+        interfaces: For each interface the source files that read tool_position in its type.
         drivers: How many drivers the launch files start.
     """
 
@@ -75,7 +75,7 @@ class _Cell:
             if one.what == LAUNCH:
                 self._launch_file(one.path, data)
             else:
-                found = list(in_program(data, one.kind))
+                found = list(in_source(data, one.kind))
                 self._found(one.path, found)
                 for interface in interfaces_seen(data, found):
                     self.interfaces.setdefault(interface, []).append(one.path)
@@ -137,7 +137,7 @@ def _diff(change: _Change) -> str:
 
 def _report(cell: _Cell) -> None:
     """Print what was found, subject by subject."""
-    print("%d launch files and programs read, %d drivers started by them" % (cell.count, cell.drivers))
+    print("%d launch files and source files read, %d drivers started by them" % (cell.count, cell.drivers))
     for key, subject in SUBJECTS.items():
         if key in cell.places:
             print("\n" + subject.title)
@@ -166,7 +166,7 @@ def _is_agreed() -> bool:
 def _options(argv: Optional[List[str]]) -> Tuple[argparse.Namespace, Optional[Wanted]]:
     parser = argparse.ArgumentParser(
         prog="migrate_cell", formatter_class=argparse.RawDescriptionHelpFormatter, epilog=_EPILOG,
-        description="Reads the launch files and programs of a cell that was written for the maker's driver, shows what "
+        description="Reads the launch files and code of a cell that was written for the maker's driver, shows what "
                     "of them\nmeans something else here, and changes the launch files (docs/migration.md).")
     parser.add_argument("path", metavar="PATH", help="folder of the cell, such as its package; or one file")
     parser.add_argument("--interface", choices=("vendor", "vendor_2025"),
@@ -225,7 +225,7 @@ def _run(options: argparse.Namespace, wanted: Optional[Wanted]) -> int:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the program; return its exit code."""
+    """Run the command; return its exit code."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

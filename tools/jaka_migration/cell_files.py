@@ -6,9 +6,9 @@ import re
 import stat
 from typing import Callable, Iterator, NamedTuple, Optional, Tuple
 
-LAUNCH, PROGRAM = "launch", "program"
+LAUNCH, SOURCE = "launch", "program"
 LARGEST = 4 * 1024 * 1024
-"""Size of the largest file that is read, bytes; a launch file or a program that people write is smaller."""
+"""Size of the largest file that is read, bytes; a launch or source file that people write is smaller."""
 
 _LAUNCH_NAMES = (".launch", ".test", ".launch.xml")
 _KINDS = {".py": ".py", ".sh": ".sh", ".bash": ".sh", ".yaml": ".yaml", ".yml": ".yaml", ".service": ".sh",
@@ -41,7 +41,7 @@ class IsLink(NotDone):
 
 
 def walk(root: str, note: Callable[[str, str], None]) -> Iterator[CellFile]:
-    """Yield the launch files and programs below a folder; what is passed over is noted with its reason."""
+    """Yield the launch files and source files below a folder; what is passed over is noted with its reason."""
     waiting = ["."]
     while waiting:
         where = waiting.pop()
@@ -72,7 +72,7 @@ def walk(root: str, note: Callable[[str, str], None]) -> Iterator[CellFile]:
 def single(name: str) -> CellFile:
     """Return one file of its own folder, whatever its name: a launch file unless its ending tells otherwise."""
     kind = _KINDS.get(os.path.splitext(name)[1])
-    return CellFile(name, LAUNCH if kind is None and name not in _MANIFESTS else PROGRAM, kind or "")
+    return CellFile(name, LAUNCH if kind is None and name not in _MANIFESTS else SOURCE, kind or "")
 
 
 def read(root: str, path: str) -> bytes:
@@ -157,7 +157,7 @@ def _file(place: str, path: str) -> Optional[CellFile]:
     kind = _MANIFESTS.get(name, _KINDS.get(os.path.splitext(name)[1]))
     if kind is None and "." not in name:
         kind = _kind_by_first_line(place)
-    return None if kind is None else CellFile(path, PROGRAM, kind)
+    return None if kind is None else CellFile(path, SOURCE, kind)
 
 
 def _root(data: bytes) -> bytes:

@@ -179,4 +179,4 @@ def _point_out_ros_control(root: Optional[YamlNode], file: str, expected: Expect
 def check_unread_forms(package: Package, report: ConfigReport) -> None:
     """Add the files that are there in a form that this check does not read."""
     for file in package.files("launch", ".py"):
-        report.add(NOT_READ, "is a Python program, of ROS 2; nothing is run here", file)
+        report.add(NOT_READ, "is Python code, of ROS 2; nothing is run here", file)

@@ -22,19 +22,19 @@ class CellFinding(NamedTuple):
 SUBJECTS: Dict[str, Subject] = {
     "start": Subject(
         "the maker's driver is started", "package jaka_driver: without a model, with the global parameter ip.",
-        "--write puts jaka_ros_driver, interface, model and ip here. A command in a program or script: by hand."),
+        "--write puts jaka_ros_driver, interface, model and ip here. A command line in code or in a script: by hand."),
     "names": Subject(
         "a driver with another name, or in a namespace: its names move",
         "every service and topic is /jaka_driver/..., whatever the node's name and namespace.",
         "They follow both. By hand: name the node jaka_driver, outside of a namespace; or change who uses its names."),
     "other_program": Subject(
-        "another program of the package jaka_driver", "a client or example of the maker's.",
+        "another executable of the package jaka_driver", "a client or example of the maker's.",
         "It is not in this package: keep the maker's package for it, or leave it out."),
     "other_file": Subject(
         "another file of the package jaka_driver", "a file of the maker's.",
         "It is not in this package: keep the maker's package for it, or copy the file."),
     "sdk": Subject(
-        "the maker's SDK in a program", "headers and library of the package jaka_driver, or its Python module jkrc.",
+        "the maker's SDK in your code", "headers and library of the package jaka_driver, or its Python module jkrc.",
         "They are not in this package. Where nothing logs in, leave the include and the library out. Where something "
         "does (login, login_in), it takes the controller from the driver, which serves one client: use the services."),
     "unnamed": Subject(
@@ -99,9 +99,9 @@ _PATTERNS = (
     ("clear_err", rb"\bClearErr(?:or)?\b|" + _NAME % rb"clear_err(?:or)?"), ("drag", _NAME % rb"drag_mo(?:d|v)e"),
     ("jog", _NAME % rb"jog"), ("io", _NAME % rb"[sg]et_io"),
 )
-_IN_PROGRAMS: Tuple[Tuple[str, "re.Pattern[bytes]"], ...] = tuple(
+_IN_SOURCES: Tuple[Tuple[str, "re.Pattern[bytes]"], ...] = tuple(
     (subject, re.compile(pattern)) for subject, pattern in _PATTERNS)
-_SERVICES = tuple((subject, pattern) for subject, pattern in _IN_PROGRAMS if subject in (
+_SERVICES = tuple((subject, pattern) for subject, pattern in _IN_SOURCES if subject in (
     "servo_p", "servo_j", "linear_move", "frames", "tool_position", "clear_err", "drag", "jog", "io"))
 _GLOBAL_IP = re.compile(rb"(?:\b[gs]et_?[pP]aram(?:Cached)?\s*\(|\bparam(?:<[^<>]*>)?\s*\(|\brosparam\s+[gs]et)"
                         rb"\s*[\"']?/?ip\b")
@@ -109,8 +109,8 @@ _COMMENTS = {".py": (b"#",), ".sh": (b"#",), ".yaml": (b"#",), ".cpp": (b"//", b
 _TYPES = (("vendor_2025", re.compile(rb"\bPoseStamped\b")), ("vendor", re.compile(rb"\bTwistStamped\b")))
 
 
-def in_program(data: bytes, kind: str) -> Iterator[CellFinding]:
-    """Yield what a program, script or manifest has of the maker's driver.
+def in_source(data: bytes, kind: str) -> Iterator[CellFinding]:
+    """Yield what a source file, script or manifest has of the maker's driver.
 
     kind: Ending of its name, which tells how comments begin: ".py", ".sh", ".yaml", ".cpp", or another.
     """
@@ -120,7 +120,7 @@ def in_program(data: bytes, kind: str) -> Iterator[CellFinding]:
         if comments and line.lstrip().startswith(comments):
             continue
         if speaks_of_it:
-            for subject, pattern in _IN_PROGRAMS:
+            for subject, pattern in _IN_SOURCES:
                 if pattern.search(line):
                     yield CellFinding(subject, number, line)
         if _SDK.search(line):
@@ -135,7 +135,7 @@ def services_in(text: bytes) -> List[str]:
 
 
 def interfaces_seen(data: bytes, findings: List[CellFinding]) -> List[str]:
-    """Return the interfaces whose type of tool_position a program names, where it reads that topic."""
+    """Return the interfaces whose type of tool_position a source file names, where it reads that topic."""
     if not any(one.subject == "tool_position" for one in findings):
         return []
     return [interface for interface, pattern in _TYPES if pattern.search(data)]

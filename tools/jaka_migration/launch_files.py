@@ -160,15 +160,15 @@ def _check_nodes(launch: LaunchFile, report: ConfigReport) -> None:
         if node.tag != "node":
             continue
         is_off = id(node) not in started
-        program = node.get("type") or node.get("pkg")
+        kind = node.get("type") or node.get("pkg")
         if node.get("pkg").startswith("joint_state_publisher"):
             _check_publisher(node, launch, is_off, is_for_the_arm, report)
         elif node.get("pkg") == "controller_manager":
-            report.add(ADVICE, "starts %s of controller_manager: leave this file out, the driver needs none" % program,
+            report.add(ADVICE, "starts %s of controller_manager: leave this file out, the driver needs none" % kind,
                        launch.file, node.line)
         elif node.get("pkg") == "robot_state_publisher" and not is_off:
             report.add(ADVICE, "starts robot_state_publisher: start the driver with publish_tf:=tool (or none) and "
-                       "~publish_description false, so that one program publishes each link", launch.file, node.line)
+                       "~publish_description false, so that one node publishes each link", launch.file, node.line)
 
 
 def _check_publisher(node: Element, launch: LaunchFile, is_off: bool, is_for_the_arm: bool,

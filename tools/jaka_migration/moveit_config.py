@@ -1,4 +1,4 @@
-"""The program check_moveit_config: reads a MoveIt configuration package and prints what must change for this driver."""
+"""The command check_moveit_config: reads a MoveIt configuration package and prints what must change for this driver."""
 import argparse
 import glob
 import math

@@ -3,7 +3,7 @@
 It is a client of the drivers like any other: topics and services. Of the driver's code it uses the writer of the audit
 log, for a log of its own; of ``jaka_regression`` the plan of a log's motion and the client of trajectories.
 
-program    the program jaka_panel: options, start, end
+command    the command jaka_panel: options, start, end
 settings   what a user can set
 authority  who may move the arm, and while which heartbeats: pure, fed with events and the time
 record     what is kept to be shown: curves of the joints, alarms; pure

@@ -27,7 +27,7 @@ that, everybody on the way reads the token, and can move the arm.
 --behind-tls names the panel as browsers call it where a proxy on this computer serves it by TLS: then pages of
 https://NAME may ask, and no others. The proxy must pass Host and WebSockets on as they are.
 
-A stop of this page is no emergency stop: it passes a browser, a network, this program and the driver.
+A stop of this page is no emergency stop: it passes a browser, a network, this server and the driver.
 """
 
 
@@ -114,7 +114,7 @@ def is_loopback(host: str) -> bool:
 
 
 def settings_from(arguments: List[str]) -> Settings:
-    """Return the settings of a command line; argparse ends the program if it is wrong.
+    """Return the settings of a command line; argparse ends the process if it is wrong.
 
     Raises:
         WrongSettings: Options contradict each other, or a file cannot be used.

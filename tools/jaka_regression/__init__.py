@@ -2,7 +2,7 @@
 
 The modules, from the ground up; a module imports only from those above it in this list:
 
-programs           the modules that a replay starts as programs; all of them are declared there
+command_lines      the command lines of what a replay starts; all of them are declared there
 attended           work done in a thread, so that somebody can end the wait for it
 driver_inputs      the calls of a log, and the goals, trajectories and targets that drivers took
 command_schedule   when each recorded call is made again: times and causes
@@ -13,9 +13,9 @@ ros_node           the start of a ROS node that goes on without a log file
 driver_client      the live driver through rospy: raw services, joints, states
 message_player     sends recorded messages to the live driver through rospy; goals until their result
 scenario           what a golden log needs besides itself: arms, simulated controllers, the operator's doings
-processes          programs started, watched and ended
+processes          processes started, watched and ended
 log_beginning      what a log begins with, for the simulated controller in its replay
-host_watch         how long the computer let programs wait meanwhile
+host_watch         how long the computer let processes wait meanwhile
 stage              master, simulated or recorded controllers, drivers, recorder and calls, together
 replay             a golden log happens again and is compared
 update             a new log takes the golden one's place, where an unchanged run is the same
@@ -24,7 +24,7 @@ replay_wire        the subcommand ``jaka_bag replay-wire``
 motion             what an arm did in a log, as a trajectory: path, limits, times
 trajectory_client  the driver's action FollowJointTrajectory through actionlib
 replay_motion      the subcommand ``jaka_bag replay-motion``
-cell               the cell's own program beside a simulated controller: its world, its run, its comparison
+cell               the cell's own nodes beside a simulated controller: its world, its run, its comparison
 pytest_plugin      golden logs as tests of pytest
-rostest_program    a golden log as a rostest
+rostest_command    a golden log as a rostest
 """

@@ -1,4 +1,4 @@
-"""A watch for pauses in which a busy computer lets programs wait, which can look like a difference of the arm."""
+"""A watch for pauses in which a busy computer lets processes wait, which can look like a difference of the arm."""
 import os
 import threading
 import time
@@ -12,7 +12,7 @@ NOTABLE_S = 0.1
 
 @dataclass(frozen=True)
 class Pause:
-    """A program that wanted to run did not.
+    """A process that wanted to run did not.
 
     Attributes:
         ended_ns: Time at which it ran again, ns since the epoch.
@@ -65,6 +65,6 @@ class HostWatch:
                       key=lambda pause: pause.lasted_s)
         if longest is None:
             return ""
-        return ("this computer let programs wait for up to %.2f s, at %.1f s of the candidate: replay again before you "
-                "believe a difference of time"
+        return ("this computer let processes wait for up to %.2f s, at %.1f s of the candidate: replay again before "
+                "you believe a difference of time"
                 % (longest.lasted_s, time_scale * 1e-9 * (longest.ended_ns - since_ns)))

@@ -1,6 +1,6 @@
-"""Programs that are started, listened to and ended; what they print is kept in a file.
+"""Processes that are started, listened to and ended; what they print is kept in a file.
 
-What waits raises ``ProgramFailed`` where the program has ended, or did not do in time what was waited for.
+What waits raises ``ProcessFailed`` where the process has ended, or did not do in time what was waited for.
 """
 import contextlib
 import json
@@ -21,12 +21,12 @@ _END_S = 15.0
 _SHOWN = 1500
 
 
-class ProgramFailed(BagError):
-    """A program ended by itself, or did not do in time what it was started for; the text has its last words."""
+class ProcessFailed(BagError):
+    """A process ended by itself, or did not do in time what it was started for; the text has its last words."""
 
 
-class Program:
-    """A Python module run as a program of its own.
+class ChildProcess:
+    """A Python module run as a process of its own.
 
     Args:
         name: For messages, and of the file that keeps what it prints.
@@ -70,7 +70,7 @@ class Program:
                 self._on_line(line)
 
     def first_line(self, timeout_s: float) -> str:
-        """Wait for the next line that the program prints."""
+        """Wait for the next line that the process prints."""
         def line() -> Optional[str]:
             try:
                 return self._lines.get(timeout=0.05)
@@ -79,7 +79,7 @@ class Program:
         return self._wait_for(line, timeout_s, "says nothing")
 
     def _wait_for(self, attempt: Callable[[], Optional[str]], timeout_s: float, problem: str) -> str:
-        """Call ``attempt`` repeatedly until it returns a value; return that, or raise ProgramFailed."""
+        """Call ``attempt`` repeatedly until it returns a value; return that, or raise ProcessFailed."""
         end = time.monotonic() + timeout_s
         while True:
             is_over = self.process.poll() is not None
@@ -89,19 +89,19 @@ class Program:
             if is_over or time.monotonic() > end:
                 raise self.failure("ended" if is_over else problem)
 
-    def failure(self, problem: str) -> ProgramFailed:
-        """Make an error with the problem and the end of the program's output."""
-        return ProgramFailed("%s %s: %s" % (self.name, problem, self.last_words()))
+    def failure(self, problem: str) -> ProcessFailed:
+        """Make an error with the problem and the end of the process's output."""
+        return ProcessFailed("%s %s: %s" % (self.name, problem, self.last_words()))
 
     def first_object(self, timeout_s: float) -> Dict[str, Any]:
-        """Wait for the next line that the program prints, a JSON object; return that."""
+        """Wait for the next line that the process prints, a JSON object; return that."""
         line = self.first_line(timeout_s)
         try:
             value = json.loads(line)
         except ValueError:
             value = None
         if not isinstance(value, dict):
-            raise ProgramFailed("%s printed %r" % (self.name, line))
+            raise ProcessFailed("%s printed %r" % (self.name, line))
         return value
 
     def say(self, line: str) -> None:
@@ -123,14 +123,14 @@ class Program:
         self._wait_for(printed, timeout_s, "did not print %r" % words)
 
     def printed(self) -> str:
-        """Return all that the program has printed."""
+        """Return all that the process has printed."""
         try:
             return self.output.read_text(encoding="utf-8", errors="replace")
         except OSError:
             return ""
 
     def last_words(self) -> str:
-        """Return the end of what the program has printed."""
+        """Return the end of what the process has printed."""
         return self.printed()[-_SHOWN:].strip() or "it printed nothing"
 
     def end(self, number: signal.Signals = signal.SIGINT) -> Optional[int]:
@@ -145,41 +145,41 @@ class Program:
         self._reader.join(_END_S)
         for pipe in (self.process.stdin, self.process.stdout, self._file):
             if pipe is not None and not pipe.closed:
-                with contextlib.suppress(OSError):  # an unread line for a program that has gone
+                with contextlib.suppress(OSError):  # an unread line for a process that has gone
                     pipe.close()
         return self.process.returncode
 
 
-class Programs:
-    """Several programs, ended in the reverse order of their start."""
+class ChildProcesses:
+    """Several processes, ended in the reverse order of their start."""
 
     def __init__(self) -> None:
-        self._running: List[Program] = []
+        self._running: List[ChildProcess] = []
 
     def begin(self, name: str, arguments: Sequence[str], folder: Path,
-              environment: Optional[Dict[str, Optional[str]]] = None, **further: Any) -> Program:
-        """Start a program, as ``Program`` does, and take charge of it; an interrupt waits until that is done."""
+              environment: Optional[Dict[str, Optional[str]]] = None, **further: Any) -> ChildProcess:
+        """Start a process, as ``ChildProcess`` does, and take charge of it; an interrupt waits until that is done."""
         with put_off():
-            program = Program(name, arguments, folder, environment, **further)
-            self._running.append(program)
-        return program
+            process = ChildProcess(name, arguments, folder, environment, **further)
+            self._running.append(process)
+        return process
 
     def check(self) -> None:
         """See that all that must run still do."""
-        for program in self._running:
-            if program.is_service and program.process.poll() is not None:
-                raise program.failure("ended")
+        for process in self._running:
+            if process.is_service and process.process.poll() is not None:
+                raise process.failure("ended")
 
-    def __enter__(self) -> "Programs":
+    def __enter__(self) -> "ChildProcesses":
         return self
 
     def __exit__(self, *error: object) -> None:
         interrupted: Optional[KeyboardInterrupt] = None
-        for program in reversed(self._running):
+        for process in reversed(self._running):
             try:
-                program.end(signal.SIGINT if interrupted is None else signal.SIGKILL)
+                process.end(signal.SIGINT if interrupted is None else signal.SIGKILL)
             except KeyboardInterrupt as error:  # impatience ends the rest at once; nothing stays behind
                 interrupted = error
-                program.end(signal.SIGKILL)
+                process.end(signal.SIGKILL)
         if interrupted is not None:
             raise interrupted

@@ -9,7 +9,7 @@
 The fixture starts a simulated controller, a ROS master and the driver, makes the log's service calls again, records,
 compares, and leaves page, JUnit XML and JSON in the report folder: beside the file of ``--junitxml`` where that is
 given, else ``jaka_reports`` below pytest's root. It is loaded by its entry point where the package is installed;
-elsewhere by ``-p jaka_regression.pytest_plugin``. ``jaka_cell`` runs the cell's own program in place
+elsewhere by ``-p jaka_regression.pytest_plugin``. ``jaka_cell`` runs the cell's own nodes in place
 of the log's calls.
 """
 import dataclasses
@@ -92,7 +92,7 @@ def jaka_replay(request: Any) -> "Callable[..., Replay]":
     A relative path is looked for beside the test's file. ``tolerances`` is a YAML file or a ``Tolerances``;
     ``driver`` are the interpreter's arguments that start another driver than this package's.
     """
-    from .programs import DRIVER
+    from .command_lines import DRIVER
     from .replay import replay, takes_time_scale
     from .scenario import scenario_of
     from .update import update_golden
@@ -118,14 +118,14 @@ def jaka_replay(request: Any) -> "Callable[..., Replay]":
 
 @pytest.fixture  # type: ignore[misc]
 def jaka_cell(request: Any) -> "Callable[..., Replay]":
-    """Return a function that runs the cell's own program once and compares what the arm does with the golden log.
+    """Return a function that runs the cell's own nodes once and compares what the arm does with the golden log.
 
     ``jaka_cell(launch, golden, arguments=(), tolerances=None, limit_s=None, driver=None)``: ``launch`` is the launch
-    file that starts the program, ``arguments`` are its arguments, as ``["driver:=false"]``; the rest is as of
+    file that starts the nodes, ``arguments`` are its arguments, as ``["driver:=false"]``; the rest is as of
     ``run_cell`` and ``jaka_replay``.
     """
     from .cell.run import run_cell
-    from .programs import DRIVER
+    from .command_lines import DRIVER
     from .scenario import scenario_of
     from .update import update_golden
 

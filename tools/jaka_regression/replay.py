@@ -16,11 +16,11 @@ from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
 
 from .cell.history import read_history
+from .command_lines import DRIVER
 from .driver_inputs import Input, SentMessage, inputs_of
 from .host_watch import HostWatch
 from .log_beginning import with_beginning
-from .processes import Programs
-from .programs import DRIVER
+from .processes import ChildProcesses
 from .scenario import BEGIN, CauseKind, EventCause, Scenario, scenario_of
 from .stage import Script, Stage, script_of
 from .uncaused_motions import in_words, uncaused_motions
@@ -104,19 +104,19 @@ def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: 
 
     Args:
         script: The actions to perform.
-        folder: For the new log and for what the programs print; it exists.
+        folder: For the new log and for what the processes print; it exists.
         scenario: The arms, simulated controllers and events.
         time_scale: The simulated controllers run this many times faster, at most 10.
         driver: Arguments of the interpreter that start the driver under test.
 
     Raises:
         BagError: The script's course depends on the driver's own clock and time_scale is not 1.
-        ProgramFailed: One of the programs failed.
+        ProcessFailed: One of the processes failed.
     """
     _check_time_scale(script, scenario, time_scale)
     candidate = folder / CANDIDATE
-    with Programs() as programs:
-        Stage(programs, folder, script, scenario, time_scale).run(candidate, driver)
+    with ChildProcesses() as processes:
+        Stage(processes, folder, script, scenario, time_scale).run(candidate, driver)
     return candidate
 
 
@@ -137,12 +137,12 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
 
     Raises:
         BagError: The script's course depends on the driver's own clock and speed is not 1.
-        ProgramFailed: One of the programs failed.
+        ProcessFailed: One of the processes failed.
     """
     _check_time_scale(script, scenario, speed)
     candidate = folder / CANDIDATE
-    with Programs() as programs:
-        told = Stage(programs, folder, script, scenario, speed).run_wire(str(wire_log), candidate, driver)
+    with ChildProcesses() as processes:
+        told = Stage(processes, folder, script, scenario, speed).run_wire(str(wire_log), candidate, driver)
     return candidate, told
 
 
@@ -208,7 +208,7 @@ def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] 
     Raises:
         BagError: A log cannot be read, no call began a motion in it, or its course depends on the driver's own clock
             and time_scale is not 1.
-        ProgramFailed: One of the programs failed.
+        ProcessFailed: One of the processes failed.
     """
     place = Path(str(folder))
     with reports_of_this_run(place, golden):

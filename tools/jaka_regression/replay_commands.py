@@ -84,9 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--anyway", action="append", default=[], choices=KEYS, metavar="KEY",
         help="though this differs: %s" % ", ".join(KEYS))
     add("--wait", type=duration, default=20.0, metavar="TIME", help="wait so long for the driver (default 20s)")
-    add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for programs")
+    add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for scripts")
     add("--begin-at-stdin", action="store_true",
-        help="a line on stdin tells when the log begins, in s of the monotonic clock, for programs")
+        help="a line on stdin tells when the log begins, in s of the monotonic clock, for scripts")
     add("-q", "--quiet", action="store_true", help="say only what went wrong")
 
 
@@ -98,9 +98,9 @@ def _percent(text: str) -> float:
 
 
 class _Teller:
-    """The printer of what begins and ends: for people, or as JSON for programs.
+    """The printer of what begins and ends: for people, or as JSON for scripts.
 
-    Programs get a call's number among the calls alone, and null for a message: a scenario's events name calls by it.
+    Scripts get a call's number among the calls alone, and null for a message: a scenario's events name calls by it.
     """
 
     def __init__(self, args: argparse.Namespace, planned: List[Planned]) -> None:
@@ -213,7 +213,7 @@ def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], clie
 
 
 def _line_of_stdin(cancelled: Flag) -> str:
-    """Wait for the next line, without a thread that would block the program's end; raise ReplayStopped on a cancel."""
+    """Wait for the next line, without a thread that would block the process's end; raise ReplayStopped on a cancel."""
     while not select.select([sys.stdin], [], [], _LOOK_S)[0]:
         if cancelled.is_set():
             raise ReplayStopped("interrupted")

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
     add("--speed", type=positive_number, default=1.0, metavar="N", help="the bytes come N times faster, at most 10")
     add("--model", metavar="NAME", help="the arm; default: of the golden log's recording, else zu7")
-    add("-o", "--output", metavar="FOLDER", help="for the log, the reports and what the programs print; "
+    add("-o", "--output", metavar="FOLDER", help="for the log, the reports and what the processes print; "
                                                  "default: a new folder among the temporary files")
     add("-f", "--force", action="store_true", help="overwrite what is in the folder")
 

@@ -1,6 +1,6 @@
-"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator.
+"""The processes of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator.
 
-``ProgramFailed`` is raised where one of them failed.
+``ProcessFailed`` is raised where one of them failed.
 """
 import json
 import threading
@@ -14,10 +14,10 @@ from jaka_bag.errors import ConnectionLost, ProtocolError
 from jaka_bag.live.graph import RemoteNode
 from jaka_bag.units import NS_PER_S
 
-from . import programs
+from . import command_lines
 from .driver_inputs import Input, inputs_of
 from .preconditions import KEYS
-from .processes import Program, ProgramFailed, Programs
+from .processes import ChildProcess, ChildProcesses, ProcessFailed
 from .scenario import BEGIN, ArmSetup, CauseKind, ControllerEvent, EventCause, Scenario
 
 _START_S = 60.0
@@ -55,24 +55,24 @@ def script_of(run: Run) -> Script:
 
 
 class Stage:
-    """The programs of one replay."""
+    """The processes of one replay."""
 
-    def __init__(self, programs: Programs, folder: Path, script: Script, scenario: Scenario,
+    def __init__(self, processes: ChildProcesses, folder: Path, script: Script, scenario: Scenario,
                  time_scale: float) -> None:
-        self._programs = programs
+        self._processes = processes
         self._folder = folder
         self._script = script
         self._scenario = scenario
         self._time_scale = time_scale
         self._environment: Dict[str, Optional[str]] = {}
-        self._panels: Dict[str, Program] = {}
+        self._panels: Dict[str, ChildProcess] = {}
         self._ports: Dict[str, Dict[str, Any]] = {}
-        self._watch: Optional[Program] = None
+        self._watch: Optional[ChildProcess] = None
         self._operators: List[threading.Thread] = []
         self._failure: Optional[str] = None
 
-    def _start(self, name: str, *arguments: str, **further: Any) -> Program:
-        return self._programs.begin(name, arguments, self._folder, self._environment, **further)
+    def _start(self, name: str, *arguments: str, **further: Any) -> ChildProcess:
+        return self._processes.begin(name, arguments, self._folder, self._environment, **further)
 
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
         """Run a replay with simulated controllers, each step in order."""
@@ -105,7 +105,7 @@ class Stage:
                 (began if event["event"] == "begin" else ended).set()
 
         alone = ("--patience", "%g" % _PATIENCE_ALONE_S) if self._script.log is None else ()
-        player = self._start("wire", *programs.WIRE_PLAYER, wire_log, "--speed",
+        player = self._start("wire", *command_lines.WIRE_PLAYER, wire_log, "--speed",
                              "%g" % self._time_scale, *alone, on_line=hear)
         facts = player.first_object(_START_S)
         self._ports[self._scenario.arms[0].namespace] = facts
@@ -113,13 +113,13 @@ class Stage:
         self._start_drivers(driver)
         calls = self._start_calls(self._script.log, "--begin-at-stdin") if self._script.log is not None else None
         if not self._wait_until(began.is_set, _START_S):
-            raise ProgramFailed("the driver does not connect")
+            raise ProcessFailed("the driver does not connect")
         if calls is not None:
             # both logs tell real time: the calls keep their places among the recorded bytes
             log_begins = self._script.start_ns - facts["start_ns"] - facts["realtime_minus_monotonic_ns"]
             calls.say("%.6f" % (told["begin"]["monotonic_s"] + log_begins / NS_PER_S / self._time_scale))
         if not self._wait_until(ended.is_set, facts["duration_s"] / self._time_scale + _START_S):
-            raise ProgramFailed("the play does not end")
+            raise ProcessFailed("the play does not end")
         if calls is not None:
             self._wait_for_calls(calls, _START_S)
         self._let_pass(0.0)
@@ -127,23 +127,23 @@ class Stage:
         return dict(told["end"])
 
     def _wait_until(self, is_there: Callable[[], bool], patience_s: float) -> bool:
-        """Wait for something while all programs run; False where it did not come in time, s."""
+        """Wait for something while all processes run; False where it did not come in time, s."""
         end = time.monotonic() + patience_s
         while not is_there():
-            self._programs.check()
+            self._processes.check()
             if time.monotonic() > end:
                 return False
             time.sleep(0.05)
         return True
 
     def _start_master(self) -> None:
-        master = self._start("master", *programs.MASTER)
+        master = self._start("master", *command_lines.MASTER)
         self._environment = {"ROS_MASTER_URI": master.first_line(_START_S), "ROS_IP": "127.0.0.1",
                              "ROS_HOME": str(self._folder), "ROS_LOG_DIR": str(self._folder / "ros_log"),
                              "ROS_HOSTNAME": None, "ROS_NAMESPACE": None}
 
-    def _start_recorder(self, candidate: Path) -> Program:
-        recorder = self._start("recorder", *programs.JAKA_BAG, "record", "-O", str(candidate), "--force",
+    def _start_recorder(self, candidate: Path) -> ChildProcess:
+        recorder = self._start("recorder", *command_lines.JAKA_BAG, "record", "-O", str(candidate), "--force",
                                "__name:=" + _RECORDER[1:], *self._script.topics)
         recorder.wait_for_words("recording to", _START_S)
         return recorder
@@ -157,7 +157,7 @@ class Stage:
         nodes = [arm.namespace.rstrip("/") + "/jaka_driver" for arm in self._scenario.arms]
         with RemoteNode(str(self._environment["ROS_MASTER_URI"]), "/replay") as master:
             if not self._wait_until(lambda: all(self._is_recorded(master, node) for node in nodes), _START_S):
-                raise ProgramFailed("the recorder does not hear the drivers")
+                raise ProcessFailed("the recorder does not hear the drivers")
 
     def _is_recorded(self, master: RemoteNode, driver: str) -> bool:
         try:
@@ -170,11 +170,11 @@ class Stage:
             return False
         return heard >= {topic for topic, names in publishers if driver in names and topic in self._script.topics}
 
-    def _end_recording(self, recorder: Program) -> None:
+    def _end_recording(self, recorder: ChildProcess) -> None:
         if self._failure is not None:
-            raise ProgramFailed(self._failure)
+            raise ProcessFailed(self._failure)
         if recorder.end():
-            raise ProgramFailed("the recorder failed: %s" % recorder.last_words())
+            raise ProcessFailed("the recorder failed: %s" % recorder.last_words())
 
     def _start_simulations(self) -> None:
         for number, arm in enumerate(self._scenario.arms):
@@ -184,12 +184,12 @@ class Stage:
         state = self._folder / ("begin%d.json" % number)
         state.write_text(json.dumps(dict(arm.state), indent=1) + "\n", encoding="utf-8")
         simulation = self._start(
-            "simulation%d" % number, *programs.SIMULATION, "--model", arm.model, "--command-port", "0",
+            "simulation%d" % number, *command_lines.SIMULATION, "--model", arm.model, "--command-port", "0",
             "--status-port", "0", "--poll-port", "0", "--time-scale", "%g" % self._time_scale, "--begin-with",
             str(state), *arm.simulation)
         self._ports[arm.namespace] = simulation.first_object(_START_S)
         if any(event.arm == arm.namespace for event in self._scenario.events):
-            panel = self._start("panel%d" % number, *programs.PANEL_SESSION,
+            panel = self._start("panel%d" % number, *command_lines.PANEL_SESSION,
                                 str(self._ports[arm.namespace]["panel_port"]), on_line=self._panel_answered)
             panel.first_line(_START_S)
             self._panels[arm.namespace] = panel
@@ -206,18 +206,18 @@ class Stage:
         self._start("driver%d" % number, *driver, "__ns:=%s" % (arm.namespace or "/"), "__name:=jaka_driver",
                     *["_%s:=%s" % (name, json.dumps(value)) for name, value in private.items()])
 
-    def _start_calls(self, log: str, *further: str) -> Program:
+    def _start_calls(self, log: str, *further: str) -> ChildProcess:
         # Nothing real moves here, and what differs is for the comparison to show; a broken clock has no times.
         anyway = [word for key in KEYS if key != "clock" for word in ("--anyway", key)]
-        return self._start("calls", *programs.JAKA_BAG, "replay-commands", log, "--go-to-start", *anyway,
+        return self._start("calls", *command_lines.JAKA_BAG, "replay-commands", log, "--go-to-start", *anyway,
                            "--progress", "--wait", "%g" % _START_S, "--time-scale", "%g" % self._time_scale, *further,
                            on_line=self._call_made, is_service=False)
 
-    def _wait_for_calls(self, calls: Program, patience_s: float) -> None:
+    def _wait_for_calls(self, calls: ChildProcess, patience_s: float) -> None:
         if not self._wait_until(lambda: calls.process.poll() is not None, patience_s):
             raise calls.failure("did not end")
         if calls.process.returncode:
-            raise ProgramFailed("the calls could not be made again: %s" % calls.last_words())
+            raise ProcessFailed("the calls could not be made again: %s" % calls.last_words())
 
     def _call_made(self, line: str) -> None:
         try:
@@ -240,7 +240,7 @@ class Stage:
                 ready.set()
             self._seen(event)
 
-        self._watch = self._start("watch", *programs.LIVE_WATCH, json.dumps(arms), on_line=hear)
+        self._watch = self._start("watch", *command_lines.LIVE_WATCH, json.dumps(arms), on_line=hear)
         if not self._wait_until(ready.is_set, 2.0 * _START_S):
             raise self._watch.failure("is not ready")
 
@@ -279,7 +279,7 @@ class Stage:
             for event in events:
                 time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
                 self._say_to_panel(event)
-        except ProgramFailed as error:
+        except ProcessFailed as error:
             self._failure = str(error)
 
     def _let_pass(self, seconds: float) -> None:

@@ -24,7 +24,7 @@ def update_golden(golden: Path, candidate: Path, folder: Path, again: Callable[[
 
     Raises:
         BagError: A log cannot be read or written.
-        ProgramFailed: A program of the replay failed.
+        ProcessFailed: A process of the replay failed.
     """
     new = folder / "golden" / golden.name  # the replay records a file of its own in the folder, whatever name this has
     new.parent.mkdir(parents=True, exist_ok=True)

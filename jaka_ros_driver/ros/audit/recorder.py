@@ -27,7 +27,7 @@ NOT_RECORDED: Dict[str, str] = {
     "~get_fk": "computes a pose",
     "~get_ik": "computes joint positions",
     "NAME/query_state": "reads where the joints are wanted; NAME is ~trajectory_controller",
-    "controller_manager/list_controllers": "reads that the one controller runs; programs ask every second",
+    "controller_manager/list_controllers": "reads that the one controller runs; clients ask every second",
     "controller_manager/list_controller_types": "reads the type of the one controller",
     "~get_loggers": "rospy's own: reads the levels of the ROS log",
     "~set_logger_level": "rospy's own: sets a level of the ROS log, which the arm does not depend on",

@@ -129,7 +129,7 @@ class ControllerManager:
             server = server_of(name)
             if server:
                 _LOG.log(logging.WARNING if self._mode == "true" else logging.INFO, "%s is served by %s already: this "
-                         "driver offers no controller_manager, and programs that look for %s there do not find it",
+                         "driver offers no controller_manager, and software that looks for %s there does not find it",
                          name, server, self._one.name)
                 return
         for name, spec in zip(names, self._specs):

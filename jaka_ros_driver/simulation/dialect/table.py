@@ -105,7 +105,7 @@ class Dialect:
                                      "not known: 5.4.5", True)
     servo_leave_delay: float = _range(
         "from `servo_move` 0 to the end of servo mode; meanwhile `is_in_servomove` is true and moves are refused",
-        "SDK 2.1.14 needs one poll, from 1 ms later on, that reads true, and public programs see success [O, C]: 5.6.1",
+        "SDK 2.1.14 needs one poll, from 1 ms later on, that reads true, and public clients see success [O, C]: 5.6.1",
         0.0, 0.1, "s", 0.024)
     starvation: str = _choice(
         "a servo stream that runs dry: holds its last target, repeats its last increment, coasts to rest, or ends "

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A cell's program: picks a part, waits for the gripper's answer, places it."""
+"""A cell's node: picks a part, waits for the gripper's answer, places it."""
 import rospy
 
 from jaka_msgs.srv import GetIO, Move, SetIO

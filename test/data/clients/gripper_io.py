@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A gripper on two outputs of the cabinet, as programs for the maker's driver work it: set_io, then get_io.
+"""A gripper on two outputs of the cabinet, as clients of the maker's driver work it: set_io, then get_io.
 
 Prints one line for each step: the step, then 1 where the call was accepted and the output reads as it was set.
 """

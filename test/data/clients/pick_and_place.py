@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Pick and place, as programs for the maker's driver of 2025 do it: joint_move home, then linear_move to poses.
+"""Pick and place, as clients of the maker's driver of 2025 do it: joint_move home, then linear_move to poses.
 
 Fields that are not needed stay as they are; a linear motion is waited for by the position that tool_position shows.
 Prints after each motion its name and 1 where it was accepted and seen to arrive.

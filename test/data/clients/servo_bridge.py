@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A bridge from a topic to servo_j, as programs for the maker's driver have it: a timer of 125 Hz, a service to enable.
+"""A bridge from a topic to servo_j, as clients of the maker's driver have it: a timer of 125 Hz, a service to enable.
 
 The newest increment of ``joint_increment`` is sent in each turn of the timer; where none has come for 0.1 s, two of
 zero are sent and servo mode is left. Prints then the number of increments that were accepted, and of those refused.

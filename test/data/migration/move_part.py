@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A cell's program for the maker's driver: moves to a part, creeps towards it, switches an output.
+"""A cell's node for the maker's driver: moves to a part, creeps towards it, switches an output.
 
 argv: three numbers for the orientation of linear_move, as the maker's driver of the cell takes them.
 """

@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 import pytest
+from command_places import command_of
 from log_samples import read, state_log, write
-from program_places import command_of
 
 from jaka_bag.cli.completion import options_by_command
 from jaka_bag.cli.main import COMMANDS, load_command, main

@@ -10,8 +10,8 @@ from contextlib import redirect_stderr, redirect_stdout
 
 import numpy as np
 import pytest
+from command_parsers import parser
 from log_samples import STATES, read, state_log, write
-from program_parsers import parser
 
 from jaka_bag.cli.main import COMMANDS, is_installed, main
 from jaka_bag.live.log_source import LogSource

@@ -9,7 +9,7 @@ import pytest
 from hostile_logs import HEAVY, HOSTILE, MOST_BYTES, MOST_CPU_S, RUN_ALL, make
 from log_samples import BREAK, START_NS, Sample, connection, read, write
 
-from jaka_bag.cli import main as program
+from jaka_bag.cli import main as command
 from jaka_bag.cli.main import main
 from jaka_bag.containers.compression import Allowance
 from jaka_bag.containers.registry import open_log
@@ -122,7 +122,7 @@ def test_a_comparison_that_fails_is_no_difference(tmp_path, monkeypatch, capsys)
             @staticmethod
             def run(args):
                 raise error
-        monkeypatch.setattr(program, "load_command", lambda name: Broken)
+        monkeypatch.setattr(command, "load_command", lambda name: Broken)
 
     for error in (ZeroDivisionError("oops"), MemoryError(), OSError(28, "full"), RecursionError()):
         fail(error)

@@ -5,8 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+from command_places import command_of
 from log_samples import JOINTS, START_NS, STATES, TOOL, Sample, joints, state_log, states, tool, write
-from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.writer import McapWriter

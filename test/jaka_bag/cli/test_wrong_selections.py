@@ -3,8 +3,8 @@ import os
 import subprocess
 
 import pytest
+from command_places import command_of
 from log_samples import JOINTS, MODEL, STATES, in_order, read, state_log, states, write
-from program_places import command_of
 
 from jaka_bag import __version__
 from jaka_bag.cli.main import main

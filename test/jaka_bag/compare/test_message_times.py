@@ -11,7 +11,7 @@ def move(now):
 
 
 def compared(tmp_path, topic, ours, theirs, late=0.0, without_s=0.0):
-    """Compare logs with messages at some times, the candidate's program later, its recording begun later."""
+    """Compare logs with messages at some times, the candidate's moves later, its recording begun later."""
     golden = joints(10.0, move) + moments(topic, ours)
     candidate = joints(10.0, lambda now: move(now - late)) + [
         Said(one.topic, one.time + late, one.value) for one in moments(topic, theirs)]

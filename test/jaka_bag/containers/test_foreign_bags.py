@@ -1,4 +1,4 @@
-"""Bags as other programs wrote or mended them: padding, lying indexes, indexes that forgot chunks."""
+"""Bags as other software wrote or mended them: padding, lying indexes, indexes that forgot chunks."""
 import struct
 
 import pytest

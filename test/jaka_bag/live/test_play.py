@@ -265,7 +265,7 @@ def test_loop_goes_on_until_it_is_stopped(graph):
 
 
 class Terminal:
-    """A pseudo terminal that a program has as its own."""
+    """A pseudo terminal that a process has as its own."""
 
     def __init__(self):
         self.ours, self.theirs = pty.openpty()

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jaka_bag.cli import main as program
+from jaka_bag.cli import main as command
 from jaka_bag.operations import audit_log
 from jaka_bag.operations.audit_log import verify_audit
 from jaka_ros_driver.audit.log import AuditLog
@@ -82,7 +82,7 @@ def test_a_whole_log_passes_and_its_last_hash_is_told(log, capsys):
     account = log.verified()
     assert (account.lines, account.files, account.defect, account.notes) == (COUNT, 4, None, ())
     assert account.last_hash == hash_of(log.files[log.names[-1]][-1])
-    assert program.main(["verify", str(log.folder)]) == 0
+    assert command.main(["verify", str(log.folder)]) == 0
     said = capsys.readouterr().out
     assert "12 lines in 4 files, from 20" in said and said.rstrip().endswith("whole; last hash " + account.last_hash)
 
@@ -233,9 +233,9 @@ def test_some_files_alone_may_begin_anywhere(log):
 def test_each_folder_is_a_log_of_its_own(log, written, tmp_path, capsys):
     Log(tmp_path / "other", written)
     assert len(verify_audit([str(tmp_path)])) == 2
-    assert program.main(["verify", str(tmp_path)]) == 0
+    assert command.main(["verify", str(tmp_path)]) == 0
     (tmp_path / "other" / log.names[0]).unlink()
-    assert program.main(["verify", str(tmp_path)]) == 1
+    assert command.main(["verify", str(tmp_path)]) == 1
     said = capsys.readouterr().out
     assert "%s: line 1: missing: lines 1 to 3" % os.path.join(str(tmp_path), "other", log.names[1]) in said
 
@@ -244,7 +244,7 @@ def test_each_folder_is_a_log_of_its_own(log, written, tmp_path, capsys):
     (lambda folder: str(folder / "none.jsonl"), "no such file"), (lambda folder: str(folder), "no audit log is in"),
     (lambda folder: os.mkfifo(str(folder / "pipe.jsonl")) or str(folder / "pipe.jsonl"), "no regular file")])
 def test_what_is_no_log_is_an_error(tmp_path, capsys, make, words):
-    assert program.main(["verify", make(tmp_path)]) == 1
+    assert command.main(["verify", make(tmp_path)]) == 1
     assert words in capsys.readouterr().err
 
 
@@ -284,10 +284,10 @@ def test_a_log_that_grows_meanwhile_is_not_called_cut(log, monkeypatch):
 def test_a_folder_of_which_only_the_lock_is_left_is_a_defect(log, capsys):
     (log.folder.parent / "bare").mkdir()
     (log.folder.parent / "bare" / "lock").touch()
-    assert program.main(["verify", str(log.folder.parent)]) == 1
+    assert command.main(["verify", str(log.folder.parent)]) == 1
     said = capsys.readouterr().out
     assert "bare" in said and "no file of this log is left" in said and "12 lines in 4 files" in said
-    assert program.main(["verify", str(log.folder.parent / "bare")]) == 1
+    assert command.main(["verify", str(log.folder.parent / "bare")]) == 1
 
 
 def test_a_folder_that_cannot_be_read_is_named(log, capsys, monkeypatch):
@@ -300,5 +300,5 @@ def test_a_folder_that_cannot_be_read_is_named(log, capsys, monkeypatch):
             raise PermissionError(13, "Permission denied", str(path))
         return scandir(path)
     monkeypatch.setattr(os, "scandir", refuse)
-    assert program.main(["verify", str(log.folder.parent)]) == 1
+    assert command.main(["verify", str(log.folder.parent)]) == 1
     assert "closed" in "".join(capsys.readouterr())

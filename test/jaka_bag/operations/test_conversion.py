@@ -374,7 +374,7 @@ def test_an_interruption_beside_the_creation_or_the_naming_of_a_rosbag2_folder_l
 
 def test_a_rosbag2_folder_that_another_program_writes_is_left_alone(tmp_path):
     with Rosbag2Writer(tmp_path / "run") as writer:
-        with pytest.raises(OutputExists, match="is being written by another program"):
+        with pytest.raises(OutputExists, match="is being written by another process"):
             Rosbag2Writer(tmp_path / "run")
         for sample in SAMPLES:
             writer.add_message(writer.add_channel(sample.connection), sample.time, sample.data)

@@ -3,8 +3,8 @@ import argparse
 import subprocess
 
 import pytest
+from command_places import command_of
 from fleet_logs import write_plant
-from program_places import command_of
 
 from jaka_bag.engines.dask_engine import Dask
 from jaka_bag.engines.processes import Processes

@@ -7,8 +7,8 @@ import time
 from xml.etree import ElementTree
 
 import pytest
+from command_places import command_of
 from many_sessions import drift, run_of
-from program_places import command_of
 from synthetic_session import write_log
 
 from jaka_bag.cli.main import main
@@ -123,11 +123,11 @@ def test_tables_of_two_comparisons_are_not_taken_together(short_golden, serial, 
         stored(results)
 
 
-def test_two_programs_do_not_compare_into_one_folder(short_golden, logs, serial, tmp_path, capsys):
+def test_two_processes_do_not_compare_into_one_folder(short_golden, logs, serial, tmp_path, capsys):
     setup, _ = stored(serial)
     with Results(tmp_path / "results", setup):
         assert compare(short_golden, logs, tmp_path / "results", "--jobs", "1") == 2
-    assert "another program compares into" in capsys.readouterr().err
+    assert "another process compares into" in capsys.readouterr().err
 
 
 def test_a_log_that_changes_while_it_is_read_is_not_compared(short_golden, logs, tmp_path, monkeypatch):

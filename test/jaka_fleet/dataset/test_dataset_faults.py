@@ -9,8 +9,8 @@ import subprocess
 import sys
 
 import pytest
+from command_places import command_of
 from fleet_logs import write_plant
-from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_fleet.dataset import adding

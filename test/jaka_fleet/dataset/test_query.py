@@ -84,9 +84,9 @@ def test_the_page_has_five_questions_that_the_terminal_answers(fleet, questions,
     assert "jaka_driver_robot_states" in capsys.readouterr().out
 
 
-def test_the_program_for_pandas_reads_the_files_itself(fleet, root):
+def test_the_script_for_pandas_reads_the_files_itself(fleet, root):
     pytest.importorskip("pandas")
-    program, = [block.text for block in blocks(root / "docs" / "fleet.md") if block.note == "the program: pandas"]
+    program, = [block.text for block in blocks(root / "docs" / "fleet.md") if block.note == "the script: pandas"]
     out = subprocess.run([sys.executable, "-c", program], cwd=str(fleet.parent), stdout=subprocess.PIPE, check=True,
                          timeout=100).stdout.decode()
     assert out.count("Z-") == 4

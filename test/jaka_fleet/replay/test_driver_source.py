@@ -13,7 +13,7 @@ from jaka_bag.errors import BagError, UsageError
 from jaka_fleet.cli.replay import goldens_of
 from jaka_fleet.replay import driver_source as module
 from jaka_fleet.replay.driver_source import DriverSource, driver_source, unpack
-from jaka_regression.programs import DRIVER, driver_in
+from jaka_regression.command_lines import DRIVER, driver_in
 
 GOLDEN = ROOT / "test" / "data" / "golden"
 

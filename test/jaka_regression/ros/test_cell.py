@@ -1,4 +1,4 @@
-"""A cell's own program, started by its own launch file, against the golden log of its first run."""
+"""A cell's own nodes, started by their own launch file, against the golden log of its first run."""
 import dataclasses
 import html
 import os
@@ -18,9 +18,9 @@ from jaka_bag.errors import BagError
 from jaka_regression.cell.history import read_history
 from jaka_regression.cell.launch_file import LaunchFileError, check_launch_file
 from jaka_regression.cell.run import run_cell
-from jaka_regression.cell.stage import CellProgram, CellStage
-from jaka_regression.processes import Programs
-from jaka_regression.programs import DRIVER
+from jaka_regression.cell.stage import CellLaunch, CellStage
+from jaka_regression.command_lines import DRIVER
+from jaka_regression.processes import ChildProcesses
 from jaka_regression.replay import replay
 from jaka_regression.scenario import CauseKind, Scenario, parse_scenario
 from jaka_regression.stage import Script
@@ -36,11 +36,11 @@ events:  # the gripper, whose switch is input 2
 WITHOUT_DRIVER = ("driver:=false",)
 FIRST_RUNS = 3
 HANGS_S = 30.0
-"""Limit of a program that hangs, s: its calls before that take 4 s, and 15 s on a busy host."""
+"""Limit of a node that hangs, s: its calls before that take 4 s, and 15 s on a busy host."""
 
 
 class Cell:
-    """A folder with the cell's package; its program can be changed."""
+    """A folder with the cell's package; its node can be changed."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -68,13 +68,13 @@ def recorded(cell, text, golden):
 
     Where the computer gives the driver no time, it refuses to read an input of which it knows nothing new.
     """
-    program = CellProgram(cell.launch, WITHOUT_DRIVER, (), 0.0, 0.0)
+    program = CellLaunch(cell.launch, WITHOUT_DRIVER, (), 0.0, 0.0)
     scenario = parse_scenario(text, "gripper")
     topics = tuple("%s/jaka_driver/%s" % (arm.namespace, name) for arm in scenario.arms for name in TOPICS)
     for number in range(FIRST_RUNS):
         place = golden.with_suffix(".first%d" % number)
         place.mkdir()
-        with Programs() as programs:
+        with ChildProcesses() as programs:
             stage = CellStage(programs, place, Script(None, (), 0.0, topics), scenario)
             assert stage.run_cell(golden, DRIVER, program) == ""
         refused = [call.error for call in load_run(golden).calls if not call.success]
@@ -103,7 +103,7 @@ def golden_cell(package_path):
 
 @pytest.fixture
 def cell(golden_cell):
-    """Return the cell with its program unchanged."""
+    """Return the cell with its node unchanged."""
     golden_cell.change()
     return golden_cell
 
@@ -131,7 +131,7 @@ def test_an_unchanged_program_is_the_same(cell, tmp_path):
 
 ONE_LOOK = ("    while read(\"digital\", 0, 0, GRIPPED).value != level:\n        rospy.sleep(0.05)\n",
             "    read(\"digital\", 0, 0, GRIPPED)\n")
-"""A change by which the program goes on where the world waits for an output that never comes."""
+"""A change by which the node goes on where the world waits for an output that never comes."""
 CHANGES = {  # one that is 5 mm off, and one without its last calls, are among the last tests of this file
     "another output": ([("GRIP = 1 ", "GRIP = 3 "), ONE_LOOK], {"/jaka_driver/set_io", "/jaka_driver/io_states"}, None),
     "a wait dropped": ([("grip(1)\nwait_for(1)\n", "grip(1)\n")], {"/jaka_driver/get_io"}, "is missing"),
@@ -156,21 +156,21 @@ def test_a_call_after_the_end_of_the_golden_log_is_different(cell, tmp_path):
     assert "is new: the golden log has ended" in result.summary
 
 
-def test_a_program_that_dies_is_an_error_with_its_last_words(cell, tmp_path):
+def test_a_node_that_dies_is_an_error_with_its_last_words(cell, tmp_path):
     cell.change(("line(UP)\n", "raise RuntimeError('the gripper is empty')\n"))
     result = cell.run(tmp_path)
     assert not result.same and "died with exit code 1" in result.summary, result.summary
     assert "the gripper is empty" in result.summary and report_has(result, "the gripper is empty")
 
 
-def test_a_program_that_cannot_be_started_is_an_error(cell, tmp_path):
+def test_a_node_that_cannot_be_started_is_an_error(cell, tmp_path):
     cell.program.chmod(0o644)
     result = cell.run(tmp_path)
     assert not result.same
     assert "cannot launch node of type [my_cell/pick_and_place.py]" in result.summary, result.summary
 
 
-def test_a_program_that_never_ends_is_an_error_that_says_what_is_missing(cell, tmp_path):
+def test_a_node_that_never_ends_is_an_error_that_says_what_is_missing(cell, tmp_path):
     cell.change(("line(UP)\n", "rospy.spin()\n"))
     result = cell.run(tmp_path, limit_s=HANGS_S)
     assert not result.same, result.summary
@@ -180,7 +180,7 @@ def test_a_program_that_never_ends_is_an_error_that_says_what_is_missing(cell, t
         assert words in result.summary and report_has(result, html.escape(words)), result.summary
 
 
-def test_a_program_that_goes_on_is_over_when_all_is_done(cell, tmp_path):
+def test_a_node_that_goes_on_is_over_when_all_is_done(cell, tmp_path):
     cell.change(("wait_for(0)\n", "wait_for(0)\nrospy.spin()\n"))
     result = cell.run(tmp_path)
     assert result.same, result.summary
@@ -277,7 +277,7 @@ def test_a_launch_file_that_is_not_there_is_named(tmp_path):
         check_launch_file(tmp_path / "none.launch", (), Scenario())
 
 
-def test_the_rostest_of_a_changed_program_has_another_exit_code_than_0(cell, tmp_path):
+def test_the_rostest_of_a_changed_node_has_another_exit_code_than_0(cell, tmp_path):
     # that of an unchanged one has 0: test/ros/pages/test_regression_documentation.py
     cell.change(("grip(0)\nwait_for(0)\n", ""))
     done = subprocess.run(
@@ -311,7 +311,7 @@ def run_pytest(cell, tmp_path):
     return run
 
 
-def test_a_program_changed_on_purpose_makes_the_new_golden_log_and_a_report_is_left(cell, run_pytest, tmp_path):
+def test_a_node_changed_on_purpose_makes_the_new_golden_log_and_a_report_is_left(cell, run_pytest, tmp_path):
     cell.change(("DOWN = (364.4, 233.1, 313.1", "DOWN = (364.4, 233.1, 308.1"))
     before = cell.golden.read_bytes()
     code, said = run_pytest("--jaka-update")

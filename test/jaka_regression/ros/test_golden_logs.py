@@ -9,7 +9,7 @@ from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.compare.verdict import Aspect
 from jaka_bag.containers.registry import read_index
 from jaka_bag.errors import JakaBagError
-from jaka_regression import programs
+from jaka_regression import command_lines
 from jaka_regression.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
 from jaka_regression.replay import replay, takes_time_scale
 from jaka_regression.scenario import scenario_of
@@ -42,7 +42,7 @@ def test_nothing_is_asked_of_the_driver_before_the_recorder_hears_it(tmp_path, m
     late = ("import sys, time\nfrom jaka_bag.live.session import RecordingSession as S\nlook = S._look_at_graph\n"
             "S._look_at_graph = lambda *given: (time.sleep(4.0), look(*given))\n"
             "from jaka_bag.cli.main import main\nsys.exit(main())")
-    monkeypatch.setattr(programs, "JAKA_BAG", ("-c", late))
+    monkeypatch.setattr(command_lines, "JAKA_BAG", ("-c", late))
     result = replay(FOLDER / "io_sequence.mcap", tmp_path, load_tolerances(BUSY_HOST), 4.0)
     assert result.same, result.summary
 

@@ -16,7 +16,7 @@ from jog_pad import begin as begin_jog
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import WAIT, eventually
 
-from jaka_bag.cli import main as program
+from jaka_bag.cli import main as command
 from jaka_msgs.msg import RecoverAction, RecoverGoal
 
 NAME = "audited"
@@ -123,7 +123,7 @@ def test_the_log_is_whole_over_a_death_and_a_second_life(told, capsys):
     assert lines[:len(told.killed.lines)] == told.killed.lines
     starts = [index for index, line in enumerate(lines) if line["kind"] == "start"]
     assert len(starts) == 2 and [line["kind"] for line in lines].count("end") == 1 and lines[-1]["kind"] == "end"
-    assert program.main(["verify", str(told.folder)]) == 0
+    assert command.main(["verify", str(told.folder)]) == 0
     assert "whole; last hash %s" % account.last_hash in capsys.readouterr().out
 
 

@@ -1,7 +1,7 @@
 """The page docs/migration.md: each of its commands, in its order; a simulated controller stands for the arm.
 
 The folder holds what the page speaks of: the checkout, a workspace with packages named as the maker's, a cell. What the
-cell's program does before and after is test_migrated_cell.py's.
+cell's node does before and after is test_migrated_cell.py's.
 """
 import contextlib
 import shutil

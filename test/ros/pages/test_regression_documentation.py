@@ -63,10 +63,10 @@ def test_each_command_of_the_page(root, shell, free_ports):
             assert code == 0, "%s\n%s" % (line, said)
             if line.startswith("rosservice"):
                 assert "ret: 1" in said
-    for name in ("test_cell.py_test_cell", "test_program.py_test_program"):
+    for name in ("test_cell.py_test_cell", "test_nodes.py_test_nodes"):
         reports = {path.name for path in (shell.folder / "jaka_reports" / name).iterdir()}
         assert {"report.html", "report.xml", "report.json", "candidate.mcap"} <= reports
-        assert ("scenario.yaml" in reports) == (name == "test_program.py_test_program")
+        assert ("scenario.yaml" in reports) == (name == "test_nodes.py_test_nodes")
     assert (shell.folder / "results.xml").exists()
     # the others fail in test_pytest_plugin.py and test_cell.py
     tolerate(shell.folder, {"calls": {"duration_s": 0, "duration_percent": 0}})  # no run is as exact as that

@@ -11,15 +11,15 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+import command_parsers
+import command_places
 import genpy
-import program_parsers
-import program_places
 import pytest
 import roslib.message
 import yaml
+from command_parsers import Wrong
+from command_places import command_of
 from import_graph import LOG_TOOLS, PACKAGES, ROOT, modules
-from program_parsers import Wrong
-from program_places import command_of
 from written_commands import Written, concrete, everything, of_head, of_page, parts
 
 from jaka_bag.cli.main import main
@@ -40,7 +40,7 @@ FOUND = everything()
 def environment():
     """Return the variables of a reader's shell that has sourced the place under test."""
     kept = {name: value for name, value in os.environ.items()
-            if name in program_places.OF_A_SHELL or name.startswith("ROS_")}
+            if name in command_places.OF_A_SHELL or name.startswith("ROS_")}
     return dict(kept, PATH="/usr/bin:/bin", HOME="/tmp", LANG="C.UTF-8")
 
 
@@ -83,7 +83,7 @@ def run_until_understood(start, words):
 
 def understand(program, words, is_whole):
     command_of(program)  # is there
-    program_parsers.understand(program, words, is_whole)
+    command_parsers.understand(program, words, is_whole)
 
 
 # ---- of ROS ----
@@ -240,7 +240,7 @@ def check(words, written, target=""):
         package, program, *rest = rest
         if package != "jaka_ros_driver":
             raise Wrong("no package %s" % package)
-    if program in program_places.declared():
+    if program in command_places.declared():
         understand(program, rest, written.is_whole)
     elif program in ("roslaunch", "rostest"):
         if rest:
@@ -268,7 +268,7 @@ def check(words, written, target=""):
         if rest[0] != "install" or not all(name.startswith("./build/deb/") for name in rest[1:]):
             raise Wrong("apt %s" % rest)
     elif program in (".", "source"):
-        if rest[0].startswith("build/") and program_places.place().name != "deb" and not (ROOT / rest[0]).is_file():
+        if rest[0].startswith("build/") and command_places.place().name != "deb" and not (ROOT / rest[0]).is_file():
             raise Wrong("no %s" % rest[0])
     elif program in (".ci/run", "catkin_lint"):
         if not (os.access(str(ROOT / program), os.X_OK) or shutil.which(program, path="/usr/bin:/bin")):
@@ -276,7 +276,7 @@ def check(words, written, target=""):
     elif program in SHELL_WORDS | {"for", "do", "done", "openssl", "pre-commit", "rosbag"}:
         return "is there"
     else:
-        raise Wrong("no program %s is known" % program)
+        raise Wrong("no command %s is known" % program)
     return "understood"
 
 
@@ -294,7 +294,7 @@ def checked(written):
 
 @pytest.mark.parametrize("where", sorted({written.where.split(",")[0] for written in FOUND}))
 def test_what_a_reader_is_told_to_type_is_understood(where):
-    if where == "CONTRIBUTING.md" and program_places.place().name == "deb":
+    if where == "CONTRIBUTING.md" and command_places.place().name == "deb":
         pytest.skip("its commands are those of a checkout with its build")
     wrong = []
     for written in FOUND:
@@ -361,12 +361,12 @@ def runs_in_english(page):
 
 @pytest.mark.parametrize("page", sorted(page for page, texts in RUN.items() if texts and not runs_in_english(page)))
 def test_what_is_quick_runs_as_it_stands(page, folder):
-    if program_places.place().name == "deb" and "fleet" in page:
+    if command_places.place().name == "deb" and "fleet" in page:
         for package in ("pyarrow", "duckdb"):
             pytest.importorskip(package, reason="this Debian has no python3-" + package)
     bin_folder = folder / "bin"
     bin_folder.mkdir()
-    for program in program_places.declared():
+    for program in command_places.declared():
         words = " ".join(map(shlex.quote, command_of(program)))
         (bin_folder / program).write_text('#!/bin/sh\nexec %s "$@"\n' % words)
         (bin_folder / program).chmod(0o755)

@@ -6,8 +6,8 @@ import subprocess
 import time
 
 import pytest
+from command_places import command_of
 from panel_page import Page, PanelProcess
-from program_places import command_of
 
 ARM = "/cell/jaka_driver"
 POINT = {"q": [0.1, 1.0, -1.5, 1.5, 1.5, 0.0]}

@@ -1,4 +1,4 @@
-"""Each service on the running node: one good call through the real program, and a table of bad ones."""
+"""Each service on the running node: one good call through the real node, and a table of bad ones."""
 import contextlib
 import json
 import math

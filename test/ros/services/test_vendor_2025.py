@@ -4,9 +4,9 @@ import signal
 import subprocess
 
 import pytest
+from command_places import command_of
 from driver_bench import HOME
 from geometry_msgs.msg import PoseStamped
-from program_places import command_of
 from waiting import eventually
 
 from jaka_bag.cli.main import main

@@ -1,4 +1,4 @@
-"""The program jaka_doctor on computers that are broken on purpose: its findings, and what it never sends."""
+"""The command jaka_doctor on computers that are broken on purpose: its findings, and what it never sends."""
 import contextlib
 import json
 import os
@@ -11,14 +11,14 @@ import time
 
 import pytest
 import waiting
+from command_parsers import parser
+from command_places import command_of
 from driver_bench import DriverProcess, SimulatorProcess, on
-from program_parsers import parser
-from program_places import command_of
 from ros_graph import Graph
 from waiting import eventually
 from wire_verdict import WireVerdict
 
-from jaka_ros_driver.doctor import bundle, computer, program
+from jaka_ros_driver.doctor import bundle, command, computer
 from jaka_ros_driver.doctor.findings import Examination, Level
 from jaka_ros_driver.doctor.questions import QUESTIONS, FeedSample
 from jaka_ros_driver.doctor.subject import ExaminedSystem
@@ -341,7 +341,7 @@ def test_a_slow_disk(monkeypatch):
 
 
 def test_a_check_that_fails_costs_its_own_row_only():
-    row = program.examined(Examination("broken", lambda subject: 1 / 0), subject())
+    row = command.examined(Examination("broken", lambda subject: 1 / 0), subject())
     assert row.finding.level is Level.FAULT and row.finding.found == "ZeroDivisionError: division by zero"
 
 

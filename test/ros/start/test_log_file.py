@@ -1,12 +1,12 @@
-"""Programs that cannot write rospy's log file: what they have to say is on the screen all the same, as plain lines."""
+"""Nodes that cannot write rospy's log file: what they have to say is on the screen all the same, as plain lines."""
 import contextlib
 import os
 import re
 import signal
 
 import pytest
+from command_places import command_of
 from driver_bench import SimulatorProcess, on
-from program_places import command_of
 from ros_graph import Graph, Process
 
 
@@ -41,7 +41,7 @@ def driver(ros_node, no_log, tmp_path):
 
 
 def plain(text):
-    """Assert that a program's output has no traceback, and that what is missing is said once."""
+    """Assert that a node's output has no traceback, and that what is missing is said once."""
     assert "Traceback" not in text and "Logging error" not in text, text
     assert len(re.findall("there is no log file|log file .*is not written|create log directory", text)) == 1, text
 

@@ -126,7 +126,7 @@ def silence(connection):
 
 @pytest.mark.parametrize("answer", [refused, fault, lambda connection: None, silence])
 def test_a_port_that_another_program_has_now_is_no_node_of_this_name(ros_master, answer):
-    """Test with what a simulated controller's ports and roslaunch answer, and with a program that hangs up."""
+    """Test with what a simulated controller's ports and roslaunch answer, and with a process that hangs up."""
     with contextlib.ExitStack() as stack:
         listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
 

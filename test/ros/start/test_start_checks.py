@@ -230,9 +230,9 @@ def test_a_node_that_answers_at_its_own_address_is_reachable(at_the_address):
 
 
 @pytest.mark.parametrize("answer", [[1, "", 1], [0, "", os.getpid()], "no", {}, [1]])
-def test_another_program_at_its_address_is_told_from_it(at_the_address, answer):
+def test_another_process_at_its_address_is_told_from_it(at_the_address, answer):
     at_the_address(answer)
-    with pytest.raises(start_checks.Unreachable, match="another program answers there"):
+    with pytest.raises(start_checks.Unreachable, match="another process answers there"):
         start_checks.refuse_unreachable_node()
 
 

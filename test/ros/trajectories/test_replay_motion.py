@@ -8,10 +8,10 @@ import subprocess
 
 import pytest
 import yaml
+from command_places import command_of
 from driver_bench import HOME
 from import_graph import ROOT
 from page_commands import Shell, blocks, until
-from program_places import command_of
 from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A cell's program that moves the arm in every way: moves, jog, servo stream, trajectory; a gripper between."""
+"""A cell's node that moves the arm in every way: moves, jog, servo stream, trajectory; a gripper between."""
 import math
 import time
 

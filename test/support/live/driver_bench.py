@@ -13,7 +13,7 @@ import rospy
 import rostopic
 import yaml
 from arm_bench import processes_with
-from program_places import command_of
+from command_places import command_of
 from waiting import WAIT, InBackground, eventually
 from wire_verdict import WireVerdict
 

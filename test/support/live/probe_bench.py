@@ -1,4 +1,4 @@
-"""The program jaka_probe beside simulated controllers that it knows nothing of, also on a terminal with a person."""
+"""The command jaka_probe beside simulated controllers that it knows nothing of, also on a terminal with a person."""
 import json
 import os
 import pty
@@ -7,7 +7,7 @@ import subprocess
 import threading
 import time
 
-from program_places import command_of
+from command_places import command_of
 
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS
@@ -107,7 +107,7 @@ def wrong(found, dialect):
 
 
 class ProbeOnTerminal:
-    """The program on a pseudo-terminal; questions are answered as soon as they are asked.
+    """The command on a pseudo-terminal; questions are answered as soon as they are asked.
 
     Args:
         command: Its words.

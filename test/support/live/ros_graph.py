@@ -15,8 +15,8 @@ import rosgraph
 import roslaunch
 import rosmaster.master
 import rospy
+from command_places import command_of
 from figures import HostLoad
-from program_places import command_of
 from waiting import WAIT, eventually, free_port, wait_until
 
 from jaka_bag.live.names import NodeNames

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 import pytest
+from command_places import command_of
 from import_graph import ROOT
-from program_places import command_of
 
 PATIENCE_S = 60.0
 _JS = ROOT / "test" / "jaka_foxglove" / "js"
@@ -289,7 +289,7 @@ def control(is_playing: bool, speed: float = 1.0, seek: Optional[int] = None, re
                        len(request)) + request.encode()
 
 
-# ---- the program ----
+# ---- the command ----
 
 class Served:
     """A server process that listens.

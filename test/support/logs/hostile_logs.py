@@ -27,7 +27,7 @@ HEAVY = ("bz2_claims_4_gb.bag", "empty_payloads.mcap", "overlapping.mcap", "zstd
 MOST_BYTES = 500 << 20
 MOST_CPU_S = 30
 RUN_ALL = """
-# ru_maxrss would not do: at its start a program takes over the peak of the process that started it.
+# ru_maxrss would not do: at its start a process takes over the peak of the process that started it.
 import json, sys, time
 from jaka_bag.cli.main import main
 results = []
@@ -40,7 +40,7 @@ for words in json.loads(sys.argv[1]):
 print()
 print(json.dumps(results))
 """
-"""A program that runs commands, given as JSON, and prints of each exit code, processor time, s, and memory, byte."""
+"""A script that runs commands, given as JSON, and prints of each exit code, processor time, s, and memory, byte."""
 
 
 @lru_cache(maxsize=1)

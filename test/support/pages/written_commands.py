@@ -16,7 +16,7 @@ _COMMAND = re.compile(r"(?:[A-Z_]+=\S* )*%s(?= |$)" % _PROGRAM)
 _HINT = re.compile(r"(?:[A-Z_]+=\S* )*(?:build/venv/bin/)?\bpython3? (?:-m jaka[\w.]+|[\w./]+\.py|%s)(?: > \S+)?")
 _HEAD = re.compile(r'(?:\s|#[^\n]*\n)*([rR]?""".*?""")', re.DOTALL)
 """The docstring of a file. To parse each file for it takes each process of a parallel run a second."""
-PLANTED = ("test_program_starts.py", "test_written_commands.py")
+PLANTED = ("test_command_starts.py", "test_written_commands.py")
 """Tests with commands that are wrong on purpose."""
 STUBS = re.compile(r"jaka_\w+ -{3,}|jaka_\w+: ")
 """Pictures, and lines that a command prints."""

@@ -10,7 +10,7 @@ import threading
 import time
 
 import aiohttp
-from program_places import command_of
+from command_places import command_of
 from waiting import eventually
 
 WAIT = 60.0

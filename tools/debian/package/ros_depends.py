@@ -6,7 +6,7 @@ import sys
 from xml.etree import ElementTree
 
 ELSEWHERE = {
-    "message_runtime": None,  # for programs in C++: libjaka-msgs-dev depends on it
+    "message_runtime": None,  # for code in C++: libjaka-msgs-dev depends on it
     "python3-aiohttp": None,  # for jaka-panel, which depends on it, and jaka_foxglove
     "python3-lz4": None,  # for jaka_bag: python3-jaka-bag has its own metadata
     "python3-rosbags-pip": None,

@@ -1,6 +1,6 @@
-"""The program ``jaka_bag``.
+"""The command ``jaka_bag``.
 
-main         the table of subcommands; runs one, turns errors into a line and an exit code; the program jaka_foxglove
+main         the table of subcommands; runs one, turns errors into a line and an exit code; the command jaka_foxglove
 quantities   durations and sizes as users write them
 options      options that several subcommands share, and the output of their results
 notices      the output of recorder and player: lines that nobody waits for, an account as JSON

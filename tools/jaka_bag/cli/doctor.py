@@ -9,7 +9,7 @@ from .options import Report, add_report
 EPILOG = """\
 Reads all of the file: records, checksums, index against content, attachments; definitions, their md5, and whether the
 first messages of each topic are what they say. An error means that something is lost or cannot be trusted, a warning
-that some program will stumble over the log. Of a rosbag2 folder all files are read, and compared with metadata.yaml.
+that some software will stumble over the log. Of a rosbag2 folder all files are read, and compared with metadata.yaml.
 
 examples:
   jaka_bag doctor run.bag

@@ -1,4 +1,4 @@
-"""The program ``jaka_bag``: its subcommands, each a module that is imported when it is called; and ``jaka_foxglove``.
+"""The command ``jaka_bag``: its subcommands, each a module that is imported when it is called; and ``jaka_foxglove``.
 
 What goes wrong becomes a line and an exit code here.
 """
@@ -15,7 +15,7 @@ from ..errors import JakaBagError, UsageError
 if TYPE_CHECKING:
     import argparse
 
-PROGRAM = "jaka_bag"
+EXECUTABLE = "jaka_bag"
 
 
 _NEGATIVE_TIME = re.compile(r"^-[0-9.]")
@@ -101,7 +101,7 @@ ELSEWHERE = {
 }
 """Commands of other tools, and what does the same here."""
 
-LIVE_PROGRAM = "jaka_foxglove"
+LIVE_EXECUTABLE = "jaka_foxglove"
 LIVE = Subcommand("jaka_foxglove.cli.live", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
 
 BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a catkin workspace (or with its "
@@ -164,7 +164,7 @@ def for_each_file(files: Iterable[str], work: Callable[[str], object]) -> int:
             raise
         except (JakaBagError, OSError) as error:
             sys.stdout.flush()
-            print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
+            print("%s: error: %s" % (EXECUTABLE, error_line(error)), file=sys.stderr)
             code = max(code, 2 if isinstance(error, UsageError) else 1)
     return code
 
@@ -179,12 +179,12 @@ def human_bytes(count: float) -> str:
 
 
 def _help() -> str:
-    lines = ["usage: %s COMMAND [OPTIONS]" % PROGRAM, "",
+    lines = ["usage: %s COMMAND [OPTIONS]" % EXECUTABLE, "",
              "State logs of ROS 1, .bag and .mcap alike: the format of an input is seen from its content,",
              "that of an output from its name. An input is never changed, an output appears only when whole.", "",
              "commands:"]
     lines += ["  %-16s%s" % (name, command.summary) for name, command in COMMANDS.items()]
-    lines += ["", "'%s COMMAND --help' tells the options, '%s --version' the version." % (PROGRAM, PROGRAM),
+    lines += ["", "'%s COMMAND --help' tells the options, '%s --version' the version." % (EXECUTABLE, EXECUTABLE),
               "Exit code: 0 done, 1 failed or partial, 2 usage."]
     return "\n".join(lines)
 
@@ -217,26 +217,26 @@ def _columns() -> int:
 
 def parser_of(name: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
     """Return the parser of a subcommand whose module is given, with help texts of ``width`` columns."""
-    return _parser("%s %s" % (PROGRAM, name), COMMANDS[name].summary, module, width)
+    return _parser("%s %s" % (EXECUTABLE, name), COMMANDS[name].summary, module, width)
 
 
-def _parser(program: str, summary: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
+def _parser(executable: str, summary: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
     import argparse
 
     parser = argparse.ArgumentParser(
-        program, description=summary, epilog=getattr(module, "EPILOG", None),
+        executable, description=summary, epilog=getattr(module, "EPILOG", None),
         formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
     module.add_arguments(parser)
     parser._negative_number_matcher = _NEGATIVE_TIME
     return parser
 
 
-def _run(module: ModuleType, program: str, summary: str, arguments: List[str]) -> int:
+def _run(module: ModuleType, executable: str, summary: str, arguments: List[str]) -> int:
     run_files = getattr(module, "run_files", None)
     if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
         return int(run_files(arguments))
     _end_at_first_signal()
-    parser = _parser(program, summary, module, _columns())
+    parser = _parser(executable, summary, module, _columns())
     return int(module.run(parser.parse_intermixed_args(_with_files_first(parser, arguments))))
 
 
@@ -287,24 +287,25 @@ def main(argv: Optional[List[str]] = None) -> int:
     name, rest = command_of(arguments)
     if name in ("-V", "--version", "version"):
         from .. import __version__
-        print("%s %s" % (PROGRAM, __version__))
+        print("%s %s" % (EXECUTABLE, __version__))
         return 0
     if name not in COMMANDS:
-        print("%s: error: no command %r%s (see %s --help)" % (PROGRAM, name, _instead(name), PROGRAM), file=sys.stderr)
+        print("%s: error: no command %r%s (see %s --help)" % (
+            EXECUTABLE, name, _instead(name), EXECUTABLE), file=sys.stderr)
         return 2
     command = COMMANDS[name]
-    return _guarded(PROGRAM, "%s %s" % (PROGRAM, name), command.failed, lambda: _run(
-        load_command(name), "%s %s" % (PROGRAM, name), command.summary, rest))
+    return _guarded(EXECUTABLE, "%s %s" % (EXECUTABLE, name), command.failed, lambda: _run(
+        load_command(name), "%s %s" % (EXECUTABLE, name), command.summary, rest))
 
 
 def live(argv: Optional[List[str]] = None) -> int:
     """Run the command ``jaka_foxglove``; return the exit code: 0 done, 1 failed, 2 usage."""
     arguments = sys.argv[1:] if argv is None else list(argv)
-    return _guarded(LIVE_PROGRAM, LIVE_PROGRAM, LIVE.failed, lambda: _run(
-        importlib.import_module(LIVE.module), LIVE_PROGRAM, LIVE.summary, arguments))
+    return _guarded(LIVE_EXECUTABLE, LIVE_EXECUTABLE, LIVE.failed, lambda: _run(
+        importlib.import_module(LIVE.module), LIVE_EXECUTABLE, LIVE.summary, arguments))
 
 
-def _guarded(program: str, command: str, failed: int, run: Callable[[], int]) -> int:
+def _guarded(executable: str, command: str, failed: int, run: Callable[[], int]) -> int:
     """Return the exit code of ``run``; print an error that it raises, and return 2 for usage, else ``failed``."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # names in logs may hold bytes that are not UTF-8: print them escaped rather than fail
@@ -316,24 +317,24 @@ def _guarded(program: str, command: str, failed: int, run: Callable[[], int]) ->
     except SystemExit as end:  # argparse: help or usage
         return end.code if isinstance(end.code, int) else 2
     except MissingCommand as error:
-        print("%s: error: %s" % (program, error), file=sys.stderr)
+        print("%s: error: %s" % (executable, error), file=sys.stderr)
         return 2
     except UsageError as error:
         print("%s: error: %s" % (command, error_line(error)), file=sys.stderr)
         return 2
     except JakaBagError as error:
-        print("%s: error: %s" % (program, error_line(error)), file=sys.stderr)
+        print("%s: error: %s" % (executable, error_line(error)), file=sys.stderr)
     except MemoryError:
-        print("%s: error: there is not enough memory for this" % program, file=sys.stderr)
+        print("%s: error: there is not enough memory for this" % executable, file=sys.stderr)
     except BrokenPipeError:  # the reader of our output has gone: nobody is left to be told
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        print("%s: error: %s" % (program, error_line(error)), file=sys.stderr)
+        print("%s: error: %s" % (executable, error_line(error)), file=sys.stderr)
     except KeyboardInterrupt:
         from ..output_file import abort_all
 
         abort_all()
-        print("%s: interrupted, no half file is left" % program, file=sys.stderr)
+        print("%s: interrupted, no half file is left" % executable, file=sys.stderr)
     except Exception:
         if failed == 1:
             raise  # ends with a traceback and exit code 1, which means failed

@@ -41,17 +41,17 @@ class Notices:
     """The printer of notices, in a thread of its own; at the end of its block it waits until all are printed.
 
     Args:
-        program: Stands in front of every line.
+        command: Stands in front of every line.
         quiet: Print only the lines that are always printed.
     """
 
-    def __init__(self, program: str, quiet: bool) -> None:
+    def __init__(self, command: str, quiet: bool) -> None:
         lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
         handler = _StandardError()
-        handler.setFormatter(logging.Formatter(program + ": %(message)s"))
+        handler.setFormatter(logging.Formatter(command + ": %(message)s"))
         self._quiet = quiet
         self._listener = QueueListener(lines, handler)
-        self._logger = logging.Logger(program)
+        self._logger = logging.Logger(command)
         self._logger.addHandler(QueueHandler(lines))
         self._listener.start()
 

@@ -298,7 +298,7 @@ class LogWriter:
             ``usual_chunk_size``.
         overwrite: Replace an existing file.
         suffix: Suffix of the working name.
-        keep_leftover: Refuse to take over the working file of a killed program.
+        keep_leftover: Refuse to take over the working file of a killed process.
         profile: MCAP profile, ``ros1`` or ``ros2``; a .bag has no place for it.
 
     Attributes:

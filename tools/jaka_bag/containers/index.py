@@ -101,7 +101,7 @@ class LogIndex(NamedTuple):
         start_time: Earliest log time, ns; None without messages.
         end_time: Latest log time, ns; None without messages.
         profile: MCAP profile, else empty.
-        library: The program that wrote the MCAP, else empty.
+        library: The software that wrote the MCAP, else empty.
         attachments: Attachments of an MCAP.
         metadata: Metadata records of an MCAP.
         codecs: Codecs of the chunks; empty where the index does not name them (``read_codecs``).

@@ -1,6 +1,6 @@
 """Tasks on the workers of a Dask cluster.
 
-Few tasks are with the scheduler at a time, so its memory and this program's stay the same however many there are.
+Few tasks are with the scheduler at a time, so its memory and this process's stay the same however many there are.
 Dask itself gives the task of a worker that died to another, and gives up one that three workers died of. A scheduler
 that is gone has forgotten its tasks: those without a result are handed to the one that comes after it.
 """

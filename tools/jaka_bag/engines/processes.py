@@ -32,7 +32,7 @@ class _Worker:
     @classmethod
     def serve(cls, connection: Connection, function: BoundFunction) -> None:
         """Do tasks until None comes in place of one."""
-        signal.signal(signal.SIGINT, ignored)  # not SIG_IGN, which programs that a task starts would inherit
+        signal.signal(signal.SIGINT, ignored)  # not SIG_IGN, which processes that a task starts would inherit
         signal.signal(signal.SIGTERM, cls._on_end)
         keep_freed_memory()
         # A signal that another thread receives does not end a wait of this one.

@@ -21,7 +21,7 @@ _MOST_LOSSES = 8
 
 
 class Finding(NamedTuple):
-    """One thing found: ``error`` (something is lost), ``warning`` (some program will stumble) or ``note``."""
+    """One thing found: ``error`` (something is lost), ``warning`` (some software will stumble) or ``note``."""
 
     level: str
     text: str

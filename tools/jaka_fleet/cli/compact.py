@@ -7,7 +7,7 @@ from ..dataset.runs import check_version, compact, is_in
 from ..dataset.store import open_store
 
 EPILOG = """\
-dataset add does so by itself in a folder; an object store has no locks, so there one program at a time may do it.
+dataset add does so by itself in a folder; an object store has no locks, so there one process at a time may do it.
 
 examples:
   jaka_bag dataset compact fleet

@@ -81,7 +81,7 @@ def work_through(function: LogFunction, tasks: Sequence[LogTask], choice: Engine
         function: See ``run_tasks``.
         tasks: The size of those whose path is a file here makes the bar's length.
         choice: Engine that does them.
-        report: Output for people and programs.
+        report: Output for people and scripts.
         on_result: Is given each result.
 
     Raises:

@@ -94,7 +94,7 @@ class Results:
 
     Raises:
         BagError: The folder cannot be made or written.
-        OutputExists: Another program compares into it.
+        OutputExists: Another process compares into it.
         MissingDependency: pyarrow is not installed.
     """
 
@@ -111,7 +111,7 @@ class Results:
             fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._journal.close()
-            raise OutputExists("another program compares into %s" % folder) from None
+            raise OutputExists("another process compares into %s" % folder) from None
 
     def known(self) -> Dict[str, RunOutcome]:
         """Return outcomes of earlier runs, by path; forget those of other tolerances, or of another golden log.

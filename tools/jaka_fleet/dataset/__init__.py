@@ -1,4 +1,4 @@
-"""A data set of Parquet tables, made of many logs, that other programs read.
+"""A data set of Parquet tables, made of many logs, that other software reads.
 
 adding      adding a log to the data set, as a task of an engine
 log_facts   the facts that a log has about itself: cell, arm, versions, triggers, losses

@@ -189,7 +189,7 @@ def add_log(task: LogTask) -> LogResult:
             source.check_unchanged()
             row_path = staging.folder / "row"
             write_row(row, row_path)
-            # another program may have added the same log meanwhile, and under another cell, with other names
+            # another process may have added the same log meanwhile, and under another cell, with other names
             if not staging.publish([*tables, (row_path, name_of(row.hash))], is_still_to_be_added):
                 return is_there
     return LogResult(task.path, DONE, row.reason, source.size, row.messages, row)

@@ -175,8 +175,8 @@ def is_dataset(store: Store) -> bool:
 def _read(store: Store, name: str, **options: Any) -> Any:
     """Read the table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
 
-    The file is copied to memory of pyarrow's own: its threads may release a Python object while the program ends, and
-    the program is aborted then (apache/arrow 34314).
+    The file is copied to memory of pyarrow's own: its threads may release a Python object while the process ends, and
+    the process is aborted then (apache/arrow 34314).
     """
     pa, parquet = load_pyarrow()
     with store.open("%s/%s" % (FOLDER, name)) as file:

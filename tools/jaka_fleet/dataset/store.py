@@ -2,7 +2,7 @@
 
 Files appear whole: they are made in a folder of their own beside the data set (``Staging``), then given their names. In
 a folder, who publishes, tidies up or compacts holds a lock alone for these few renames, and who reads the table of runs
-shares it, so none of them sees the other's work half done. An object store has no such lock: one program at a time may
+shares it, so none of them sees the other's work half done. An object store has no such lock: one process at a time may
 compact there, and two that add the same log at the same time may both do it.
 """
 import contextlib
@@ -88,7 +88,7 @@ class Store:
         self.location = location
 
     def address(self, name: str) -> str:
-        """Return path or URL of a file, for other programs."""
+        """Return path or URL of a file, for other software."""
         return "%s/%s" % (self.location.rstrip("/"), name)
 
     def exists(self, name: str) -> bool:
@@ -136,7 +136,7 @@ class Store:
         yield
 
     def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
-        """Remove what killed programs left: half work, and published files whose last one never came; their names.
+        """Remove what killed processes left: half work, and published files whose last one never came; their names.
 
         Args:
             is_in: Whether what a last file of that name tells is in the data set, from whomever.
@@ -144,7 +144,7 @@ class Store:
         return []
 
     def take_back(self, names: Sequence[str]) -> None:
-        """Remove what killed programs published of the same last name, for whoever is alone and is to publish these."""
+        """Remove what killed processes published of this last name, for whoever is alone and publishes these."""
 
     def registered(self, connection: Any) -> None:
         """Make ``address`` readable for a DuckDB connection."""
@@ -190,7 +190,7 @@ class FolderStore(Store):
         staging = Staging(self, self._root / _STAGING / uuid.uuid4().hex)
         try:
             staging.folder.mkdir(parents=True)
-            # who tidies up takes the folder for a living program's until the file is there, and while it is locked
+            # who tidies up takes the folder for a living process's until the file is there, and while it is locked
             unlocked = staging.folder / (_ALIVE + ".new")
             with unlocked.open("wb") as alive:
                 fcntl.flock(alive, fcntl.LOCK_EX)
@@ -235,7 +235,7 @@ class FolderStore(Store):
                 self._remove(folder, [name for name in theirs if name not in names])
 
     def _dead(self) -> List[Path]:
-        """Return the folders of programs that live no more."""
+        """Return the folders of processes that live no more."""
         folders = [self._root / _STAGING / name for name in self.names(_STAGING)]
         return [folder for folder in folders if not is_being_written(folder / _ALIVE)]
 
@@ -256,7 +256,7 @@ class FolderStore(Store):
 
     @staticmethod
     def _published_by(folder: Path) -> List[str]:
-        """Return the names that a killed program had begun to give, the last at the end."""
+        """Return the names that a killed process had begun to give, the last at the end."""
         try:
             names: List[str] = json.loads((folder / _PLAN).read_text(encoding="utf-8"))
         except (OSError, ValueError):

@@ -12,10 +12,10 @@ from typing import Any, Dict, List, NamedTuple, Optional
 
 from jaka_bag.engines.tasks import LogResult, LogTask
 from jaka_bag.errors import BagError
-from jaka_regression.processes import Program
+from jaka_regression.processes import ChildProcess
 
 from .driver_source import DriverSource, unpack
-from .stage_program import RESULT, STAGE
+from .stage_process import RESULT, STAGE
 
 _PATIENCE_S = 300.0
 """A stage may take so much longer than four times its log."""
@@ -54,7 +54,7 @@ class ReplayOutcome(NamedTuple):
         headline: The verdict in one line.
         summary: The verdict and the differences.
         differences: Names of the checks that failed, the worst first.
-        files: Files by name: reports, the new log, and, where it is not the same, what the programs printed.
+        files: Files by name: reports, the new log, and, where it is not the same, what the processes printed.
     """
 
     same: bool
@@ -74,7 +74,7 @@ def replay_task(task: LogTask) -> LogResult:
     with _one_stage, tempfile.TemporaryDirectory(prefix="jaka_replay_") as name:
         folder = Path(name)
         job_file = _job(task.path, settings, folder)
-        stage = Program("stage", [*STAGE, str(job_file)], folder)
+        stage = ChildProcess("stage", [*STAGE, str(job_file)], folder)
         try:
             _wait_for(stage, 4.0 * settings.duration_s / settings.time_scale + _PATIENCE_S)
         finally:
@@ -107,7 +107,7 @@ def _job(path: str, settings: ReplaySettings, folder: Path) -> Path:
     return job_file
 
 
-def _wait_for(stage: Program, patience_s: float) -> None:
+def _wait_for(stage: ChildProcess, patience_s: float) -> None:
     end = time.monotonic() + patience_s
     while stage.process.poll() is None:
         if time.monotonic() > end:
@@ -116,7 +116,7 @@ def _wait_for(stage: Program, patience_s: float) -> None:
             stage.process.wait(_LOOK_S)
 
 
-def _result(stage: Program, file: Path) -> Dict[str, Any]:
+def _result(stage: ChildProcess, file: Path) -> Dict[str, Any]:
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -84,7 +84,7 @@ class CellStore:
             self._log.close()
 
     def look(self) -> None:
-        """Read the file again where another program has written it."""
+        """Read the file again where another process has written it."""
         with self._lock:
             self._follow()
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import rospkg
 
-from jaka_regression import programs
+from jaka_regression import command_lines
 
 _JOINT = re.compile(r"joint_[1-6]\Z")
 _TEXTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")
@@ -96,7 +96,7 @@ def generated(model: str, dh_file: str, prefix: str) -> str:
     """Return the URDF that the driver generates for a model; empty if it generates none."""
     if model.startswith("-") or dh_file.startswith("-") or prefix.startswith("-"):
         return ""
-    words = [sys.executable, *programs.DRIVER, "--urdf", model, "--dh-file", dh_file, "--frame-prefix", prefix]
+    words = [sys.executable, *command_lines.DRIVER, "--urdf", model, "--dh-file", dh_file, "--frame-prefix", prefix]
     try:
         done = subprocess.run(words, capture_output=True, text=True, timeout=_URDF_TIMEOUT_S)
     except (OSError, subprocess.TimeoutExpired):

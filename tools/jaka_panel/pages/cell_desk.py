@@ -49,7 +49,7 @@ class CellDesk:
         self._problem = self._file.problem
 
     async def follow_for_ever(self) -> None:
-        """Read the file, and again whenever another program has written it."""
+        """Read the file, and again whenever another process has written it."""
         self._loop = asyncio.get_event_loop()
         work = self._file.open
         while True:

@@ -1,6 +1,6 @@
-"""A program that plans the motion that a log shows (as ``jaka_bag replay-motion`` does) and prints it as JSON.
+"""The process that plans the motion that a log shows (as ``jaka_bag replay-motion`` does) and prints it as JSON.
 
-It is a program of its own because it computes for seconds: in the panel's process that would hold up heartbeats.
+It is a process of its own because it computes for seconds: in the panel's process that would hold up heartbeats.
 Arguments: the log and the factor of the recorded speed; standard input: the URDF of the arm that is to move.
 """
 import json

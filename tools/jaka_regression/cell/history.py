@@ -101,7 +101,7 @@ class _Reader:
             self.doings.append(Doing(arm, at, {"action": "hit", "force": _HIT_N}))
             self.notes.append("the force and the joint of the hit at %.2f s are not in the log" % at)
         if now != was and now == MotionState.PAUSED:
-            self.notes.append("the pause at %.2f s: the operator port has none, so that only the program makes "
+            self.notes.append("the pause at %.2f s: the operator port has none, so that only the cell's nodes make "
                               "it again" % at)
 
 

@@ -1,4 +1,4 @@
-"""The user's launch file: it starts the cell's own program, and neither a driver nor a simulated controller."""
+"""The user's launch file: it starts the cell's own nodes, and neither a driver nor a simulated controller."""
 import importlib
 from pathlib import Path
 from typing import Any, List, Sequence
@@ -8,7 +8,7 @@ from jaka_bag.errors import BagError
 from ..scenario import Scenario
 
 _OWN_PACKAGE = "jaka_ros_driver"
-_OWN_PROGRAMS = {"jaka_driver": "a driver", "jaka_sim": "a simulated controller"}
+_OWN_EXECUTABLES = {"jaka_driver": "a driver", "jaka_sim": "a simulated controller"}
 
 
 class LaunchFileError(BagError):
@@ -31,7 +31,7 @@ def check_launch_file(path: Path, arguments: Sequence[str], scenario: Scenario) 
     try:
         roslaunch: Any = importlib.import_module("roslaunch")
     except ImportError as error:
-        raise LaunchFileError("%s: a cell's program needs ROS: %s" % (path, error)) from error
+        raise LaunchFileError("%s: a cell's nodes need ROS: %s" % (path, error)) from error
     try:
         config = roslaunch.config.load_config_default([(str(path), list(arguments))], None, verbose=False)
     except Exception as error:  # roslaunch has no common class for what it raises here
@@ -42,8 +42,8 @@ def check_launch_file(path: Path, arguments: Sequence[str], scenario: Scenario) 
     found: List[str] = []
     for node in config.nodes:
         name = node.namespace.rstrip("/") + "/" + node.name
-        if node.package == _OWN_PACKAGE and node.type in _OWN_PROGRAMS:
-            found.append("%s (node %s)" % (_OWN_PROGRAMS[node.type], name))
+        if node.package == _OWN_PACKAGE and node.type in _OWN_EXECUTABLES:
+            found.append("%s (node %s)" % (_OWN_EXECUTABLES[node.type], name))
         elif name in drivers:
             found.append("a node of the driver's name, %s" % name)
     if found:

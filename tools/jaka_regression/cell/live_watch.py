@@ -1,4 +1,4 @@
-"""The watch at a running graph: a program that prints what it sees of the arms, a line of JSON each.
+"""The watch at a running graph: a process that prints what it sees of the arms, a line of JSON each.
 
 Its argument is JSON, the namespaces of the arms. Lines that it prints, times in s of the monotonic clock:
 

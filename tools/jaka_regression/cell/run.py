@@ -1,4 +1,4 @@
-"""The cell's own program runs once with a simulated controller; then the comparison with the golden log."""
+"""One run of the cell's own nodes with a simulated controller; then the comparison with the golden log."""
 import dataclasses
 from pathlib import Path
 from typing import List, Optional, Sequence, Tuple
@@ -12,17 +12,17 @@ from jaka_bag.compare.verdict import Aspect, Check, Comparison, equal
 from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
 
+from ..command_lines import DRIVER
 from ..host_watch import HostWatch
 from ..log_beginning import with_beginning
-from ..processes import Programs
-from ..programs import DRIVER
+from ..processes import ChildProcesses
 from ..replay import CANDIDATE, Replay, report_on, reports_of_this_run
 from ..scenario import IO_TOPIC, CauseKind, Scenario, scenario_of
 from ..stage import Script
 from .history import CellHistory, read_history
 from .launch_file import check_launch_file
 from .sightings import Polls
-from .stage import CellProgram, CellStage
+from .stage import CellLaunch, CellStage
 from .world import with_derived_events, write_scenario
 
 _SHOWN = 200
@@ -31,17 +31,17 @@ _SHOWN = 200
 def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Sequence[str] = (),
              tolerances: Optional[Tolerances] = None, limit_s: Optional[float] = None,
              scenario: Optional[Scenario] = None, driver: Sequence[str] = DRIVER) -> Replay:
-    """Run the cell's program once, compare with the golden log, and leave the reports in ``folder``.
+    """Run the cell's nodes once, compare with the golden log, and leave the reports in ``folder``.
 
-    A program that dies or does not end is a difference of its own in the report.
+    A node that dies or does not end is a difference of its own in the report.
 
     Args:
-        launch: The launch file that starts the cell's program, without driver and simulated controller.
+        launch: The launch file that starts the cell's nodes, without driver and simulated controller.
         golden: The golden log.
         folder: Made where it is not there.
         arguments: Arguments for the launch file, as ``driver:=false``.
         tolerances: None for those of the scenario.
-        limit_s: Longest run of the program, s; None for twice the golden log's length and a minute.
+        limit_s: Longest run of the nodes, s; None for twice the golden log's length and a minute.
         scenario: Arms, events and tolerances; None for the file beside the log. Events that it does not have are
             derived from the log, and written to ``scenario.yaml`` in the folder.
         driver: Arguments of the interpreter that start the driver.
@@ -49,7 +49,7 @@ def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Se
     Raises:
         BagError: A log or the launch file cannot be read, the launch file starts a driver or a simulated controller,
             or the scenario has an event after the start of a recorded call.
-        ProgramFailed: A program other than the cell's own failed.
+        ProcessFailed: A process other than the cell's own failed.
     """
     place, path = Path(str(folder)), Path(str(golden))
     with reports_of_this_run(place, path):
@@ -64,13 +64,13 @@ def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Se
         scenario = _events(scenario, history, path, place)
         check_launch_file(Path(str(launch)), arguments, scenario)
         rest_s = run.duration - max(call.end for call in run.calls)
-        program = CellProgram(Path(str(launch)), tuple(arguments), tuple(call.words for call in run.calls),
-                              run.duration, rest_s, limit_s)
+        cell_launch = CellLaunch(Path(str(launch)), tuple(arguments), tuple(call.words for call in run.calls),
+                                 run.duration, rest_s, limit_s)
         topics = {*run.streams, *("%s/jaka_driver/%s" % (arm, IO_TOPIC) for arm in arms)}
         candidate = place / CANDIDATE
-        with HostWatch() as host, Programs() as programs:
-            stage = CellStage(programs, place, Script(None, (), run.duration, tuple(sorted(topics))), scenario)
-            problem = stage.run_cell(candidate, driver, program)
+        with HostWatch() as host, ChildProcesses() as processes:
+            stage = CellStage(processes, place, Script(None, (), run.duration, tuple(sorted(topics))), scenario)
+            problem = stage.run_cell(candidate, driver, cell_launch)
         comparison = compare_runs(run, _without_repeated_reads(load_run(candidate, limits)), limits)
         further = [*_late_calls(comparison, limits), *_terminals(history, read_history(candidate, arms), arms)]
         if problem:
@@ -89,7 +89,7 @@ def _events(scenario: Scenario, history: CellHistory, golden: Path, place: Path)
         write_scenario(place / "scenario.yaml", scenario,
                        beside.read_text(encoding="utf-8") if beside.exists() else "", notes)
     if any(event.after.kind is CauseKind.CALL for event in scenario.events):
-        raise BagError("%s: after_call is for replays: when a program begins a call is not seen; say after_motion, "
+        raise BagError("%s: after_call is for replays: when a node begins a call is not seen; say after_motion, "
                        "after_output, after_input or after_answer" % golden.with_suffix(".yaml"))
     return scenario
 

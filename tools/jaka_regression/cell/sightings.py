@@ -9,7 +9,7 @@ _REST_S = 0.05
 """An arm rests when no joint moves by ``_RESTS_RAD`` for so long. Between two calls that wait for the ends of their
 motions it does: the driver answers when it has seen rest, 0.1 s or more in all."""
 READS = "get_"
-"""The begin of the names of services that only read, which programs call again and again to wait for something."""
+"""The begin of the names of services that only read, which nodes call again and again to wait for something."""
 
 Terminal = Tuple[CauseKind, str, int]
 """OUTPUT or INPUT, bank and index of a digital terminal."""
@@ -117,7 +117,7 @@ class Sightings:
 
 
 class Polls:
-    """The filter of repeated reads: a program that waits asks the same again and again, how often differs each time."""
+    """The filter of repeated reads: a node that waits asks the same again and again, how often differs each time."""
 
     def __init__(self) -> None:
         self._answers: Dict[str, Dict[Tuple[str, bytes], bytes]] = {}

@@ -1,6 +1,6 @@
-"""The programs of one run of a cell: those of a replay, and the user's launch file in place of the calls.
+"""The processes of one run of a cell: those of a replay, and the user's launch file in place of the calls.
 
-Nothing makes calls here but the cell's own program.
+Nothing makes calls here but the cell's own nodes.
 """
 import os
 import re
@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
-from .. import programs
-from ..processes import Program, ProgramFailed, Programs
+from .. import command_lines
+from ..processes import ChildProcess, ChildProcesses, ProcessFailed
 from ..scenario import BEGIN, CauseKind, ControllerEvent, Scenario
 from ..stage import Script, Stage
 from .world import event_as_data
 
 _SETTLE_S = 0.5
 _QUIET_S = 8.0
-"""A program that does not end by itself may do more after so long a pause: that it does is not seen."""
+"""A node that does not end by itself may do more after so long a pause: that it does is not seen."""
 _LONGER = 2.0
 _LONGER_S = 60.0
 _DIED = re.compile(r"\[([^\]\n]+)\](?: has died!\s+|\s+)process has died \[pid \d+, exit code (-?\d+)")
@@ -26,20 +26,20 @@ _NOT_LAUNCHED = re.compile(r"cannot launch node of type [^\n]*(?:\n[^\n]*)?")
 
 
 @dataclass(frozen=True)
-class CellProgram:
-    """The program of a cell, and when its run is over.
+class CellLaunch:
+    """The launch file of a cell, its arguments, and when its run is over.
 
     Attributes:
-        launch: The launch file.
+        file: The launch file.
         arguments: Arguments for it.
         calls: The golden log's calls, in words, without repeated reads.
         lasts_s: Length of the golden log, s.
-        quiet_s: A program that does not end by itself is done when as many calls have been answered as in the golden
+        quiet_s: A node that does not end by itself is done when as many calls have been answered as in the golden
             log and nothing has happened for so long, s, or for 8 s where that is longer.
         limit_s: Longest run, s; None for twice the golden log's length and a minute.
     """
 
-    launch: Path
+    file: Path
     arguments: Tuple[str, ...]
     calls: Tuple[str, ...]
     lasts_s: float
@@ -53,28 +53,28 @@ class CellProgram:
 
 
 class CellStage(Stage):
-    """The programs of one run of a cell.
+    """The processes of one run of a cell.
 
     Args:
-        programs: Takes charge of the programs.
+        processes: Takes charge of the processes.
         folder: For what they print.
         script: What is recorded.
         scenario: Arms, as they begin, and events.
     """
 
-    def __init__(self, programs: Programs, folder: Path, script: Script, scenario: Scenario) -> None:
-        super().__init__(programs, folder, script, scenario, 1.0)
+    def __init__(self, processes: ChildProcesses, folder: Path, script: Script, scenario: Scenario) -> None:
+        super().__init__(processes, folder, script, scenario, 1.0)
         self._changed = threading.Lock()
         self._answered = 0
         self._moving: Dict[str, bool] = {}
         self._last_s = 0.0
         self._caused: List[ControllerEvent] = []
 
-    def run_cell(self, candidate: Path, driver: Sequence[str], program: CellProgram) -> str:
-        """Run the cell's program once and record it; return what went wrong with the program, empty for nothing.
+    def run_cell(self, candidate: Path, driver: Sequence[str], launch: CellLaunch) -> str:
+        """Run the cell's nodes once and record it; return what went wrong with them, empty for nothing.
 
         Raises:
-            ProgramFailed: Another program failed.
+            ProcessFailed: Another process failed.
         """
         self._start_master()
         self._start_simulations()
@@ -86,17 +86,17 @@ class CellStage(Stage):
         begun = time.monotonic()
         self._last_s = begun
         self._begin(begun)
-        self._environment[programs.CALLERS_PATH] = os.environ.get("PYTHONPATH", "")
-        cell = self._start("cell", *programs.LAUNCH, str(program.launch.resolve()), *program.arguments, "--screen",
+        self._environment[command_lines.CALLERS_PATH] = os.environ.get("PYTHONPATH", "")
+        cell = self._start("cell", *command_lines.LAUNCH, str(launch.file.resolve()), *launch.arguments, "--screen",
                            is_service=False)
-        problem = self._wait_for_end(cell, program, begun)
+        problem = self._wait_for_end(cell, launch, begun)
         # what the golden log has and this run has not is missing only where this log is as long
-        self._let_pass(max(0.0, begun + program.lasts_s - time.monotonic()))
+        self._let_pass(max(0.0, begun + launch.lasts_s - time.monotonic()))
         self._end_recording(recorder)
         return problem
 
     def _set_first_inputs(self) -> None:
-        """Set what is set before the program begins: events at once after the beginning."""
+        """Set what is set before the nodes begin: events at once after the beginning."""
         first = [event for event in self._scenario.events if event.after == BEGIN and event.delay_s == 0.0]
         for event in first:
             self._say_to_panel(event)
@@ -121,16 +121,16 @@ class CellStage(Stage):
                 self._moving[event["arm"]] = True
         super()._seen(event)
 
-    def _is_over(self, program: CellProgram) -> bool:
+    def _is_over(self, launch: CellLaunch) -> bool:
         with self._changed:
-            return (self._answered >= len(program.calls) > 0 and not any(self._moving.values())
-                    and time.monotonic() - self._last_s > max(program.quiet_s, _QUIET_S))
+            return (self._answered >= len(launch.calls) > 0 and not any(self._moving.values())
+                    and time.monotonic() - self._last_s > max(launch.quiet_s, _QUIET_S))
 
-    def _wait_for_end(self, cell: Program, program: CellProgram, begun: float) -> str:
-        while time.monotonic() - begun < program.patience_s:
-            self._programs.check()
+    def _wait_for_end(self, cell: ChildProcess, launch: CellLaunch, begun: float) -> str:
+        while time.monotonic() - begun < launch.patience_s:
+            self._processes.check()
             if self._failure is not None:
-                raise ProgramFailed(self._failure)
+                raise ProcessFailed(self._failure)
             died = _DIED.search(cell.printed())
             if died:
                 return "the node %s died with exit code %s: %s" % (died[1], died[2], cell.last_words())
@@ -140,16 +140,16 @@ class CellStage(Stage):
             code = cell.process.poll()
             if code is not None:
                 return "" if code == 0 else "roslaunch ended with exit code %d: %s" % (code, cell.last_words())
-            if self._is_over(program):
+            if self._is_over(launch):
                 return ""
             time.sleep(0.05)
-        return "the program did not end within %.0f s: %s" % (program.patience_s, self._what_is_missing(program))
+        return "the cell's nodes did not end within %.0f s: %s" % (launch.patience_s, self._what_is_missing(launch))
 
-    def _what_is_missing(self, program: CellProgram) -> str:
+    def _what_is_missing(self, launch: CellLaunch) -> str:
         with self._changed:
-            words = ["%d of the golden log's %d calls have been answered" % (self._answered, len(program.calls))]
-            if self._answered < len(program.calls):
-                words.append("the next one there is " + program.calls[self._answered])
+            words = ["%d of the golden log's %d calls have been answered" % (self._answered, len(launch.calls))]
+            if self._answered < len(launch.calls):
+                words.append("the next one there is " + launch.calls[self._answered])
             words += ["the arm %s moves" % (arm or "/") for arm, moves in self._moving.items() if moves]
             caused = list(self._caused)
         never = [event for event in self._scenario.events if event not in caused and event.after != BEGIN]

@@ -20,7 +20,7 @@ def derive_events(history: CellHistory) -> Tuple[ControllerEvent, ...]:
     An input comes after the newest change of an output, if that is at most 10 s ago. All else comes after the newest
     of: a begin of motion, an answer of a service that does more than read, and, for an input, another terminal. What
     nothing comes before is placed by the log's beginning. Inputs that were on from the beginning are set before the
-    program begins. Analog inputs are left out.
+    nodes begin. Analog inputs are left out.
     """
     events = [ControllerEvent(arm, BEGIN, 0.0, set_input(bank, index, 1))
               for arm, levels in history.begins_with.items() for (kind, bank, index), level in levels.items()

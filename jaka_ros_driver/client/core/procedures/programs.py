@@ -12,7 +12,7 @@ from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState
 
 
 def load(core: ArmCore, name: str) -> Procedure:
-    """Load this program; run it exclusively. Return a sentence for the user.
+    """Load the named program; run it exclusively. Return a sentence for the user.
 
     Raises:
         InvalidCommand: A program runs or is paused, or this is no name of a program; nothing was sent.

@@ -27,9 +27,9 @@ def failure_texts(golden: str, reason: str, logs: Sequence[str] = ()) -> Tuple[s
     Args:
         golden: Path of the golden log.
         reason: The reason, for the user.
-        logs: Names of the files with what its programs printed.
+        logs: Names of the files with what its processes printed.
     """
-    facts = [("golden log", golden)] + ([("what the programs printed", ", ".join(logs))] if logs else [])
+    facts = [("golden log", golden)] + ([("what the processes printed", ", ".join(logs))] if logs else [])
     body = ('<main><header class="verdict different"><h1>&#10007; not compared</h1><p>%s</p></header>'
             '<div class="card">%s</div></main>' % (escape(reason).replace("\n", "<br>"), definitions(facts)))
     return (page("not compared: %s" % Path(golden).name, body),
@@ -42,7 +42,7 @@ def write_failure(folder: Path, golden: str, reason: str) -> None:
     """Write the reports of a run that ended before it could be compared.
 
     Args:
-        folder: Folder of the reports; the outputs of the run's programs stand in it as ``NAME.log``.
+        folder: Folder of the reports; the outputs of the run's processes stand in it as ``NAME.log``.
         golden: Path of the golden log.
         reason: The reason, for the user.
 

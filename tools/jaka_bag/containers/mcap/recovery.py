@@ -287,7 +287,7 @@ class McapRecovery(LogRecovery):
     def _is_like_message(self, at: int) -> bool:
         """Return whether a record of another kind has the channel and the time of a message.
 
-        The content of a private kind is its program's own: it counts only where one bit makes a message of the kind.
+        The content of a private kind is its writer's own: it counts only where one bit makes a message of the kind.
         """
         raw = read_at(self.descriptor, at, fmt.MESSAGE_HEAD.size)
         if len(raw) < fmt.MESSAGE_HEAD.size or self._last_time is None:

@@ -22,7 +22,7 @@ _IN_MESSAGE = fmt.MESSAGE_HEAD.size - fmt.RECORD_HEAD.size
 _MAY_BEGIN = np.isin(np.arange(256), (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE, fmt.ATTACHMENT, fmt.METADATA))
 """The kinds of records, by number, at which reading can go on."""
 FIRST_PRIVATE = 0x80
-"""The first kind of record that programs may give a meaning of their own."""
+"""The first kind of record that writers may give a meaning of their own."""
 
 
 def check_content(opcode: int, body: Buffer) -> None:

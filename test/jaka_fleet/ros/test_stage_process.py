@@ -8,8 +8,8 @@ import pytest
 from import_graph import ROOT
 from waiting import wait_until
 
-from jaka_fleet.replay.stage_program import STAGE
-from jaka_regression.processes import Program
+from jaka_fleet.replay.stage_process import STAGE
+from jaka_regression.processes import ChildProcess
 
 
 @pytest.fixture
@@ -41,14 +41,14 @@ def test_a_stage_ends_with_its_worker_also_where_that_withholds_interrupts(tmp_p
            "tolerances": None, "driver": None}
     job_file = tmp_path / "job.json"
     job_file.write_text(json.dumps(job), encoding="utf-8")
-    stage = Program("stage", [*STAGE, str(job_file)], tmp_path)
+    stage = ChildProcess("stage", [*STAGE, str(job_file)], tmp_path)
     try:
         wait_until(lambda: (folder / "driver0.log").exists() and len(children(stage.process.pid)) >= 4,
                    "master, simulated controller, recorder and driver have begun")
-        programs = children(stage.process.pid)
+        processes = children(stage.process.pid)
         stage.process.stdin.close()
         assert stage.process.wait(30.0) == 1
-        wait_until(lambda: not any(map(is_running, programs)), "its programs have ended")
+        wait_until(lambda: not any(map(is_running, processes)), "its processes have ended")
         assert not os.path.exists(str(tmp_path / "result.json"))
     finally:
         stage.end()

@@ -65,7 +65,7 @@ _ENDING = (signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)
 
 
 class _Ended(KeyboardInterrupt):
-    """A signal that ends the program as Ctrl-C does."""
+    """A signal that ends the process as Ctrl-C does."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -162,7 +162,7 @@ def _probe(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Have the signals that end a program raise ``_Ended``: by their default action they would lose the report."""
+    """Have the signals that end a process raise ``_Ended``: by their default action they would lose the report."""
     def end(number: int, frame: Any) -> None:
         raise _Ended(number)
     with handled_by(end, _ENDING):
@@ -178,7 +178,7 @@ def _name_of(ended: KeyboardInterrupt) -> str:
 
 
 class _Run:
-    """One run of the program: the stages in order, and what they leave."""
+    """One run of the command: the stages in order, and what they leave."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options

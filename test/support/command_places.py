@@ -1,4 +1,4 @@
-"""The programs as users start them, from the place under test: a devel or install space, the wheel, the Debian package.
+"""The commands as users start them, from the place under test: a devel or install space, the wheel, the Debian package.
 
 ``JAKA_TEST_PLACE`` names the place, and ``JAKA_TEST_PREFIX`` where it is:
 
@@ -13,7 +13,7 @@ deb         ``/usr/bin``; ``/usr/lib/jaka_ros_driver`` what only        no prefi
 ==========  ===========================================================  ==============================================
 
 Without ``JAKA_TEST_PLACE`` it is the devel space that the shell has sourced, if that is one of this checkout, else the
-checkout. Programs of the other places see neither the checkout nor its devel space. With ``deb`` the tests themselves
+checkout. Commands of the other places see neither the checkout nor its devel space. With ``deb`` the tests themselves
 import the packages' modules, too.
 """
 import atexit
@@ -41,7 +41,7 @@ BUILT = (Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jak
 twice."""
 OF_A_SHELL = ("CMAKE_PREFIX_PATH", "PKG_CONFIG_PATH", "PYTHONPATH", "ROS_PACKAGE_PATH", "ROSLISP_PACKAGE_DIRECTORIES")
 """Variables by which a sourced space is found."""
-LOG_PROGRAMS = ("jaka_bag", "jaka_foxglove")
+LOG_COMMANDS = ("jaka_bag", "jaka_foxglove")
 """The executables in the wheel."""
 DEBIAN_PACKAGES = ("jaka-panel", "python3-jaka-bag", "python3-jaka-ros-driver")
 DEBIAN_MODULES = Path("/usr/lib/python3/dist-packages")
@@ -62,7 +62,7 @@ class Place(NamedTuple):
     def folder(self) -> Path:
         """The folder of the executables."""
         if self.prefix is None:
-            return _programs_of_the_checkout()
+            return _commands_of_the_checkout()
         return self.prefix / ("bin" if self.name in ("wheel", "deb") else "lib/" + PACKAGE)
 
     @property
@@ -102,19 +102,19 @@ def place() -> Place:
     return Place(name, Path(prefix))
 
 
-def command_of(program: str) -> List[str]:
+def command_of(command: str) -> List[str]:
     """Return the words that start an executable of the place under test, without its arguments; its process stays one.
 
     Raises SkipTest where the wheel is not to have it, RuntimeError where the place lacks it.
     """
     where = place()
-    path = where.folder / program
-    if where.name == "wheel" and program not in LOG_PROGRAMS:
-        raise unittest.SkipTest("the wheel has the log tools only, and not %s" % program)
+    path = where.folder / command
+    if where.name == "wheel" and command not in LOG_COMMANDS:
+        raise unittest.SkipTest("the wheel has the log tools only, and not %s" % command)
     if where.name == "deb" and not path.exists():
-        path = where.prefix / "lib" / PACKAGE / program
+        path = where.prefix / "lib" / PACKAGE / command
     if not os.access(str(path), os.X_OK):
-        raise RuntimeError("no program %s" % path)
+        raise RuntimeError("no command %s" % path)
     if where.name == "deb":
         require_packaged(path)
     changed = {name: value for name, value in where.environment.items() if os.environ.get(name) != value}
@@ -177,18 +177,18 @@ def declared() -> Dict[str, str]:
     """Return every executable of the build, with the ``module:function`` that it calls, from the root
     CMakeLists.txt."""
     text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
-    rows = re.search(r"^set\(programs\n(.*?)\)$", text, re.DOTALL | re.MULTILINE).group(1)
+    rows = re.search(r"^set\(commands\n(.*?)\)$", text, re.DOTALL | re.MULTILINE).group(1)
     return dict(row.split("=", 1) for row in rows.split())
 
 
 @functools.lru_cache(maxsize=None)
-def _programs_of_the_checkout() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="jaka_programs_"))
+def _commands_of_the_checkout() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="jaka_commands_"))
     atexit.register(shutil.rmtree, str(folder), ignore_errors=True)
-    template = (ROOT / "cmake" / "program.py.in").read_text(encoding="utf-8")
+    template = (ROOT / "cmake" / "command.py.in").read_text(encoding="utf-8")
     for name, called in declared().items():
         module, _, function = called.partition(":")
-        values = {"PYTHON_EXECUTABLE": sys.executable, "program": name, "module": module, "function": function}
+        values = {"PYTHON_EXECUTABLE": sys.executable, "command": name, "module": module, "function": function}
         path = folder / name
         path.write_text(re.sub(r"@(\w+)@", lambda found, values=values: values[found.group(1)], template),
                         encoding="utf-8")

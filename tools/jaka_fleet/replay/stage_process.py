@@ -1,4 +1,4 @@
-"""The program that is one stage: it replays a golden log as a job file says, and ends with whoever started it.
+"""The process that is one stage: it replays a golden log as a job file says, and ends with whoever started it.
 
 A worker of a cluster can be killed at any moment. Its stage notices that its stdin ends, and takes master, simulated
 controllers, recorder and drivers down with it.
@@ -15,7 +15,7 @@ from jaka_bag.compare.report.text import headline
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.errors import JakaBagError
 from jaka_bag.interrupts import raise_at_first_signal
-from jaka_regression.programs import DRIVER, driver_in
+from jaka_regression.command_lines import DRIVER, driver_in
 from jaka_regression.replay import replay
 
 RESULT = "result.json"
@@ -24,9 +24,9 @@ STAGE = ("-m", __name__)
 
 
 def _take_signals() -> None:
-    """Handle SIGINT and SIGTERM, and have the programs of the stage handle them.
+    """Handle SIGINT and SIGTERM, and have the processes of the stage handle them.
 
-    Workers block or ignore SIGINT: the Ctrl-C of a terminal is for whoever waits for them. Programs inherit that, and
+    Workers block or ignore SIGINT: the Ctrl-C of a terminal is for whoever waits for them. Processes inherit that, and
     each would run on until something stronger ends it.
     """
     raise_at_first_signal()

@@ -1,4 +1,4 @@
-"""The program jaka_panel: it reads the options, becomes a ROS node, serves pages until it is told to end."""
+"""The command jaka_panel: it reads the options, becomes a ROS node, serves pages until it is told to end."""
 import asyncio
 import io
 import logging

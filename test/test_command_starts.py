@@ -4,7 +4,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import program_places
+import command_places
 import pytest
 from import_graph import ROOT, modules, outside_imports
 
@@ -12,7 +12,7 @@ WHERE = ("test", "docs", "tools", "launch", ".ci", "README.md", "CONTRIBUTING.md
 SUFFIXES = ("", ".cmake", ".launch", ".md", ".mjs", ".py", ".sh", ".test", ".txt")
 UNBUILT = {"docs/simulation.md", "test/packaging/test_spaces.py"}
 """Files about the simulated controller of a checkout that is not built."""
-MODULES = sorted({called.split(":")[0] for called in program_places.declared().values()}
+MODULES = sorted({called.split(":")[0] for called in command_places.declared().values()}
                  | {name for name in modules() if name.endswith(".__main__")}
                  | {name.rpartition(".")[0] for name in modules() if name.endswith(".__main__")})
 """Modules that are the executable when they are run."""
@@ -31,7 +31,7 @@ def files():
                 yield path
 
 
-def test_nothing_starts_a_program_as_a_module():
+def test_nothing_starts_a_command_as_a_module():
     found = {path.relative_to(ROOT).as_posix(): starts(path.read_text(encoding="utf-8")) for path in files()
              if path != Path(__file__).resolve()}
     assert len(found) > 300
@@ -41,30 +41,30 @@ def test_nothing_starts_a_program_as_a_module():
 
 @pytest.mark.parametrize("planted, module", [
     ('[sys.executable, "-m", "jaka_bag", *words]', "jaka_bag"), ("python3 -m jaka_bag info", "jaka_bag"),
-    ("(\"-m\",\n 'jaka_bag.__main__')", "jaka_bag.__main__"), ('"-m", "jaka_panel.program"]', "jaka_panel.program"),
+    ("(\"-m\",\n 'jaka_bag.__main__')", "jaka_bag.__main__"), ('"-m", "jaka_panel.command"]', "jaka_panel.command"),
     ("`python3 -m jaka_ros_driver.simulation`", "jaka_ros_driver.simulation"),
-    ("python3 -m jaka_ros_driver.wire.replayer", None), ("python3 -m jaka_fleet.replay.stage_program", None)])
+    ("python3 -m jaka_ros_driver.wire.replayer", None), ("python3 -m jaka_fleet.replay.stage_process", None)])
 def test_a_start_that_is_planted_is_seen(planted, module):
     assert starts(planted) == ([module] if module else [])
 
 
 # ---- the place under test ----
 
-@pytest.mark.parametrize("program", sorted(program_places.declared()))
-def test_every_program_is_in_the_place_under_test(program):
+@pytest.mark.parametrize("executable", sorted(command_places.declared()))
+def test_every_command_is_in_the_place_under_test(executable):
     # It starts from a folder that has nothing to do with the checkout.
-    if "rospy" in outside_imports(program_places.declared()[program].split(":")[0]):
-        pytest.importorskip("rospy", reason="%s needs ROS" % program)
-    done = subprocess.run([*program_places.command_of(program), "--help"], cwd="/", stdout=subprocess.PIPE,
+    if "rospy" in outside_imports(command_places.declared()[executable].split(":")[0]):
+        pytest.importorskip("rospy", reason="%s needs ROS" % executable)
+    done = subprocess.run([*command_places.command_of(executable), "--help"], cwd="/", stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True, timeout=100)
-    assert done.returncode == 0 and done.stdout.startswith("usage: %s" % program), done.stdout
+    assert done.returncode == 0 and done.stdout.startswith("usage: %s" % executable), done.stdout
 
 
 @pytest.mark.skipif(shutil.which("dpkg-query") is None, reason="needs dpkg")
-def test_a_program_that_is_no_package_of_ours_is_not_taken_for_one(tmp_path):
+def test_a_command_that_is_no_package_of_ours_is_not_taken_for_one(tmp_path):
     planted = tmp_path / "jaka_bag"
     planted.write_text("#!/bin/sh\necho usage: jaka_bag\n", encoding="utf-8")
     with pytest.raises(RuntimeError, match="of no Debian package"):
-        program_places.require_packaged(planted)
+        command_places.require_packaged(planted)
     with pytest.raises(RuntimeError, match="of the Debian package dpkg"):
-        program_places.require_packaged(Path(shutil.which("dpkg-query")))
+        command_places.require_packaged(Path(shutil.which("dpkg-query")))

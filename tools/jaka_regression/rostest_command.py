@@ -31,7 +31,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the test; rosunit writes its result where rostest wants it, and ends the process on failure.
 
     Args:
-        argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
+        argv: Without the command's name; None for those of the process, without what roslaunch adds (__name:=...).
 
     Returns:
         0 when the log happened again.
@@ -39,15 +39,15 @@ def main(argv: Optional[List[str]] = None) -> int:
     arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog="jaka_rostest",
-        description="Makes a golden log happen again, as a rostest: its calls, or the cell's own program.")
+        description="Makes a golden log happen again, as a rostest: its calls, or the cell's own nodes.")
     parser.add_argument("golden", metavar="LOG", help=".bag or .mcap")
     parser.add_argument("--tolerances", metavar="FILE", help="YAML file with what differs from the defaults")
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="N", help="N times faster, at most 10")
     parser.add_argument("--launch", metavar="FILE",
-                        help="run the program that this launch file starts, once, in place of the log's calls")
+                        help="run the nodes that this launch file starts, once, in place of the log's calls")
     parser.add_argument("--launch-args", default="", metavar="WORDS", help="arguments for it: 'driver=false speed=2'")
     parser.add_argument("--limit", type=float, metavar="S",
-                        help="longest run of that program; default twice the log and a minute")
+                        help="longest run of those nodes; default twice the log and a minute")
     options, others = parser.parse_known_args(arguments)
     unknown = [word for word in others if not word.startswith(_OF_ROSUNIT)]
     if unknown:  # tolerances under a misspelt name would be left out, and the defaults judge
@@ -55,7 +55,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     golden = Path(options.golden)
     words = [word.replace("=", ":=", 1) for word in shlex.split(options.launch_args)]  # roslaunch takes := for its own
     if options.launch and options.time_scale != 1.0:
-        parser.error("--time-scale is for the log's calls: the cell's own program has its own clock")
+        parser.error("--time-scale is for the log's calls: the cell's own nodes have their own clock")
 
     class GoldenLog(unittest.TestCase):
         """One golden log."""

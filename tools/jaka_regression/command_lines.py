@@ -1,6 +1,6 @@
-"""The programs that a replay starts, all of them, as arguments of this interpreter.
+"""The commands that a replay starts, all of them, as arguments of this interpreter.
 
-Programs that people start, too, are started by the function that their own files call, for a replay does not know where
+Commands that people start, too, are started by the function that their own files call, for a replay does not know where
 those files are.
 """
 from typing import Tuple
@@ -26,7 +26,7 @@ MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time
                 "signal.signal(signal.SIGINT, signal.SIG_DFL)\nmaster = Master(0)\nmaster.start()\n"
                 "print(master.uri, flush=True)\nwhile master.ok():\n    time.sleep(0.1)\n")
 """A ROS master on a free port; prints its URI. What a shell starts in the background inherits a SIGINT that is ignored:
-each program here that is ended by SIGINT sets what it does then."""
+each process here that is ended by SIGINT sets what it does then."""
 
 
 def driver_in(folder: str) -> Tuple[str, str]:
