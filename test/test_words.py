@@ -58,7 +58,7 @@ TWO_MEANINGS: Dict[str, str] = {
     "ProtocolError": "the same",
     "MotionState": "the enumeration of RobotMsg, which the log tools have for themselves, for the same reason",
 }
-"""Public class names of the driver that the tools use, too, each with the reason; at most four."""
+"""Public names of types of the driver that the tools use, too, each with the reason; at most four."""
 
 
 NOT_THE_CONTROLLERS = re.compile(
@@ -168,14 +168,26 @@ def findings() -> Tuple[Finding, ...]:
     return tuple(found)
 
 
+def type_names(tree: ast.Module) -> Iterator[Tuple[str, int]]:
+    """Return each public name of a class, and of a type that a module assigns to a name, with its line."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, node.lineno
+    for statement in tree.body:
+        targets = statement.targets if isinstance(statement, ast.Assign) else [
+            statement.target] if isinstance(statement, ast.AnnAssign) else []
+        for target in targets:
+            if isinstance(target, ast.Name) and re.fullmatch(r"(?:[A-Z][a-z0-9]+)+", target.id):
+                yield target.id, statement.lineno
+
+
 def class_names() -> Dict[str, List[str]]:
-    """Return the places in which each public class name is defined, in the driver and the tools."""
+    """Return the places in which each public name of a type is defined, in the driver and the tools."""
     places: Dict[str, List[str]] = {}
     for folder in ("jaka_ros_driver", "tools"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                    places.setdefault(node.name, []).append("%s:%d" % (path.relative_to(ROOT), node.lineno))
+            for name, line in type_names(ast.parse(path.read_text(encoding="utf-8"))):
+                places.setdefault(name, []).append("%s:%d" % (path.relative_to(ROOT), line))
     return places
 
 
@@ -256,6 +268,12 @@ def test_a_class_name_stands_for_one_thing():
     stale = set(TWO_MEANINGS) - set(shared)
     assert not stale, "these names have one meaning now, take them out of the list: %s" % ", ".join(sorted(stale))
     assert len(TWO_MEANINGS) <= 4
+
+
+def test_names_of_types_are_seen_however_a_module_makes_them():
+    tree = ast.parse("class Reply:\n    class Part: ...\nclass _Own: ...\nEvent = Union[int, str]\n"
+                     "Item: TypeAlias = 'int'\n_Tell = int\nLIMIT = 5\nfound = 3\ndef f():\n    Local = int\n")
+    assert list(type_names(tree)) == [("Reply", 1), ("Part", 2), ("Event", 4), ("Item", 5)]
 
 
 def main(rooms: List[str]) -> None:

@@ -10,7 +10,7 @@ QUIET_S = 1.0
 """Silence, s, after which a stream has ended."""
 MOST_STREAMS = 200
 
-Write = Callable[[str, Mapping[str, Any]], None]
+_Write = Callable[[str, Mapping[str, Any]], None]
 
 
 class _Stream:
@@ -26,7 +26,7 @@ class _Stream:
 class Streams:
     """The message streams that have not ended."""
 
-    def __init__(self, write: Write, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, write: _Write, clock: Callable[[], float] = time.monotonic) -> None:
         """Set up the table of streams.
 
         Args:

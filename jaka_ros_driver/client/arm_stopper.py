@@ -8,7 +8,7 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, LogText
 from jaka_ros_driver.client.stopping import Step, Stopping
-from jaka_ros_driver.client.transport import Event, Opened, Received, Transport, addresses_of
+from jaka_ros_driver.client.transport import Opened, Received, Transport, TransportEvent, addresses_of
 from jaka_ros_driver.errors import FramingError, StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream
 from jaka_ros_driver.protocol.status import parse_status
@@ -94,7 +94,7 @@ class _CommandPort:
         elif step is Step.HANG_UP:
             self._transport.close(Port.COMMAND)
 
-    def learn(self, event: Event, now: float) -> None:
+    def learn(self, event: TransportEvent, now: float) -> None:
         if isinstance(event, Opened):
             self._stream = ObjectStream()
             self._stopping.connected()
@@ -129,7 +129,7 @@ class _StatusPort:
         self._stream = FrameStream()
         self._transport.open(Port.STATUS, next(self._addresses))
 
-    def learn(self, event: Event, now: float) -> None:
+    def learn(self, event: TransportEvent, now: float) -> None:
         if isinstance(event, Received):
             self._deadline = now + _FEED_TIMEOUT_S
             self._read(event.data, now)

@@ -12,7 +12,7 @@ from jaka_ros_driver.commands import Command, JogStop, Stop, whole_stop
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.exchange import Exchange
-from jaka_ros_driver.protocol.framing import Item, encode_object
+from jaka_ros_driver.protocol.framing import FramedItem, encode_object
 from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
@@ -188,7 +188,7 @@ class Stopping:
             self._next_at = now + _CONNECT_PERIOD_S
             self._log_once(reason)
 
-    def replied(self, item: Item, now: float) -> None:
+    def replied(self, item: FramedItem, now: float) -> None:
         """Take a reply, or bytes that are none."""
         self._has_replied, self._locked_out_since = True, None
         if isinstance(item, FramingError):

@@ -53,7 +53,7 @@ class Received(NamedTuple):
     data: bytes
 
 
-Event = Union[Opened, Failed, Closed, Received]
+TransportEvent = Union[Opened, Failed, Closed, Received]
 
 
 class _PortSocket:
@@ -95,7 +95,7 @@ class Transport:
         self._epoll.register(self._wake_receive.fileno(), select.EPOLLIN)
         self._connections: Dict[Port, _PortSocket] = {}
         self._by_descriptor: Dict[int, _PortSocket] = {}
-        self._events: Deque[Event] = deque()
+        self._events: Deque[TransportEvent] = deque()
         self._resolved: Deque[Tuple[Port, int, Union[str, OSError]]] = deque()
         self._tries: Dict[Port, int] = {}
         self._numbers = itertools.count()
@@ -146,7 +146,7 @@ class Transport:
         """Wait until something happens. epoll counts in whole ms; select on its descriptor is exact."""
         select.select([self._epoll], [], [], max(0.0, seconds))
 
-    def read(self) -> List[Event]:
+    def read(self) -> List[TransportEvent]:
         """Return the events since the last call, in order."""
         for descriptor, mask in self._epoll.poll(0):
             connection = self._by_descriptor.get(descriptor)
@@ -275,7 +275,7 @@ class Transport:
             self._forget(connection)
             self._put(Closed(connection.port, reason, is_turned_away))
 
-    def _put(self, event: Event) -> None:
+    def _put(self, event: TransportEvent) -> None:
         self._events.append(event)
         self.wake()
 

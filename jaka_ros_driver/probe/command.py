@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import ODD, QUESTIONS, ask, frames_of
 from jaka_ros_driver.probe.facts import Fact, Facts, ProbeStage
-from jaka_ros_driver.probe.fit import Curve
+from jaka_ros_driver.probe.fit import SampledCurve
 from jaka_ros_driver.probe.identity import identity_in
 from jaka_ros_driver.probe.look import HeardFeed, listen, look
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover
@@ -186,7 +186,7 @@ class _Run:
         self._done: List[ProbeStage] = []
         self._facts: Facts = {}
         self._back = SetBack()
-        self._curves: Dict[str, Curve] = {}
+        self._curves: Dict[str, SampledCurve] = {}
         self._person = Person(_NAME)
         self.record = ConnectionLog(options.address)
 

@@ -6,7 +6,7 @@ arm does with ruckig, and without that time what it does without.
 import math
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
-Curve = List[Tuple[float, float]]
+SampledCurve = List[Tuple[float, float]]
 """Points of a curve: s, deg."""
 
 SHARES = (0.2, 4.0)
@@ -143,14 +143,14 @@ class Fit(NamedTuple):
         return self.has_share and high - low <= _WIDEST_JERK_S and high < JERK_TIMES[1] - 0.005
 
 
-def progress(curve: Sequence[Tuple[float, float]]) -> Curve:
+def progress(curve: Sequence[Tuple[float, float]]) -> SampledCurve:
     """Return a curve as the distance from its first place, deg, which only grows."""
     first, last = curve[0][1], curve[-1][1]
     sign = 1.0 if last >= first else -1.0
     return [(at, sign * (place - first)) for at, place in curve]
 
 
-def moving(curve: Sequence[Tuple[float, float]]) -> Curve:
+def moving(curve: Sequence[Tuple[float, float]]) -> SampledCurve:
     """Return the points of a progress that lie between its rests."""
     way = curve[-1][1]
     return [(at, place) for at, place in curve if _MOVED * way < place < (1.0 - _MOVED) * way]
@@ -183,7 +183,7 @@ def fitted(motions: Sequence[SeenMotion]) -> Optional[Fit]:
 
     A slow acceleration shows its share, a fast one the time in which it builds up; each motion begins when it likes.
     """
-    prepared: List[Tuple[float, SeenMotion, Curve]] = []
+    prepared: List[Tuple[float, SeenMotion, SampledCurve]] = []
     for motion in motions:
         whole = progress(motion.curve) if len(motion.curve) > 2 else [(0.0, 0.0)]
         points = sorted(moving(whole), key=lambda point: point[1])

@@ -21,10 +21,10 @@ from jaka_ros_driver.commands import (
     Stop,
 )
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.fit import Curve
+from jaka_ros_driver.probe.fit import SampledCurve
 from jaka_ros_driver.probe.motion import CYCLE_S, REST_RAD, ROOM_RAD, MotionEnded, Mover, Seen
 from jaka_ros_driver.probe.person import Person
-from jaka_ros_driver.probe.set_same import StageEnded, Tell
+from jaka_ros_driver.probe.set_same import PrintLine, StageEnded
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
@@ -86,7 +86,7 @@ class MoveStep(NamedTuple):
 class Moving:
     """The arm and the facts of one run of the stage."""
 
-    def __init__(self, arm: Mover, facts: Facts, curves: Dict[str, Curve]) -> None:
+    def __init__(self, arm: Mover, facts: Facts, curves: Dict[str, SampledCurve]) -> None:
         self.arm = arm
         self.facts = facts
         self.curves = curves
@@ -232,7 +232,7 @@ def stop_facts(seen: Sequence[Seen], at: float) -> Facts:
     return facts
 
 
-def _curve(seen: Sequence[Seen], at: float, home: float) -> Curve:
+def _curve(seen: Sequence[Seen], at: float, home: float) -> SampledCurve:
     return [(round(one.at - at, 4), round(rad_to_deg(one.position - home), 4)) for one in seen]
 
 
@@ -419,7 +419,7 @@ def why_not(states: Sequence[RobotState], tools: Optional[Sequence[Pose]]) -> st
     return ""
 
 
-def move(arm: Mover, facts: Facts, curves: Dict[str, Curve], person: Person, tell: Tell) -> None:
+def move(arm: Mover, facts: Facts, curves: Dict[str, SampledCurve], person: Person, tell: PrintLine) -> None:
     """Run the steps, each after the person's consent.
 
     Args:
@@ -453,7 +453,7 @@ def move(arm: Mover, facts: Facts, curves: Dict[str, Curve], person: Person, tel
             rad_to_deg(arm.furthest_rad)))
 
 
-def _clear_fault(it: Moving, person: Person, tell: Tell) -> None:
+def _clear_fault(it: Moving, person: Person, tell: PrintLine) -> None:
     """Clear the fault that a starved stream may have caused."""
     it.arm.idle()
     if not it.arm.state.has_fault:

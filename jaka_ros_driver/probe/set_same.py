@@ -50,7 +50,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 _came: List[int] = []
 """Signals that were put off."""
 
-Tell = Callable[[str], None]
+PrintLine = Callable[[str], None]
 
 
 class StageEnded(JakaError):
@@ -208,7 +208,7 @@ _SAME: Dict[str, _Same] = {
 
 
 def set_same(desk: Desk, facts: Facts, back: SetBack, output: Optional[int], ask_person: Callable[[str], str],
-             tell: Tell) -> None:
+             tell: PrintLine) -> None:
     """Set all that the stage sets.
 
     Args:

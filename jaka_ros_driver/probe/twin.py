@@ -8,7 +8,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.fit import LEAST_FRAMES, Curve, Fit, SeenMotion, delay_of, fitted, progress, times_of
+from jaka_ros_driver.probe.fit import LEAST_FRAMES, Fit, SampledCurve, SeenMotion, delay_of, fitted, progress, times_of
 from jaka_ros_driver.probe.recorded import quantile
 from jaka_ros_driver.probe.report import dialect_of, firmware_of
 from jaka_ros_driver.simulation.arm.moves import braking_share
@@ -45,7 +45,7 @@ class TwinGap(NamedTuple):
     way: float
 
 
-def twin_facts(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMotion]) -> Facts:
+def twin_facts(facts: Facts, curves: Dict[str, SampledCurve], asked: Dict[str, AskedMotion]) -> Facts:
     """Return what the curves say of acceleration and jerk, and how far the twin of these facts is from the arm.
 
     Args:
@@ -107,7 +107,7 @@ def _fit_facts(fit: Optional[Fit], motions: Sequence[SeenMotion]) -> Facts:
                 None, "%s; %s" % (how, jerks))}
 
 
-def _gaps(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMotion]) -> List[TwinGap]:
+def _gaps(facts: Facts, curves: Dict[str, SampledCurve], asked: Dict[str, AskedMotion]) -> List[TwinGap]:
     """Return the gaps of the way back, and where it was seen of the stop."""
     firmware = firmware_of(facts)
     if not firmware or len(curves.get(BACK, ())) < LEAST_FRAMES:
@@ -127,7 +127,7 @@ def _gaps(facts: Facts, curves: Dict[str, Curve], asked: Dict[str, AskedMotion])
 
 
 def twin_motion(dialect: Dialect, model: str, stop_deceleration: Optional[float], way: float, asked: AskedMotion,
-                stop_at: Optional[float]) -> Curve:
+                stop_at: Optional[float]) -> SampledCurve:
     """Return a motion of joint 6 of the simulated arm from its acceptance, or from where it is stopped: s, deg.
 
     Args:
@@ -147,7 +147,7 @@ def twin_motion(dialect: Dialect, model: str, stop_deceleration: Optional[float]
     begun = plant.joint_position
     plant.add_joint_move((*begun[:5], begun[5] + deg_to_rad(way)), deg_to_rad(asked.speed),
                          deg_to_rad(asked.acceleration))
-    points: Curve = [(0.0, 0.0)]
+    points: SampledCurve = [(0.0, 0.0)]
     while points[-1][0] < _LONGEST_S and not (plant.queue.is_empty and plant.is_in_position):
         plant.step()
         place = rad_to_deg(plant.joint_position[5] - begun[5])

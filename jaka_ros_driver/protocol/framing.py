@@ -18,7 +18,7 @@ from typing import Any, Deque, Dict, List, NamedTuple, NoReturn, Tuple, Union
 from jaka_ros_driver.errors import FramingError
 
 JsonObject = Dict[str, Any]
-Item = Union[JsonObject, FramingError]
+FramedItem = Union[JsonObject, FramingError]
 
 MAX_OBJECT_BYTES = 1 << 20
 """Longest object, bytes, accepted from the command port; the longest known reply is a status frame of about 9 kB."""
@@ -104,10 +104,10 @@ class ObjectStream:
         """The number of bytes of an object that has begun and not ended."""
         return len(self._buffer)
 
-    def feed(self, data: bytes) -> List[Item]:
+    def feed(self, data: bytes) -> List[FramedItem]:
         """Take the next bytes of the stream, and return the items that they complete, in order."""
         self._buffer += data
-        items: List[Item] = []
+        items: List[FramedItem] = []
         while self._buffer:
             if self._depth == 0 and not self._find_start(items):
                 break
@@ -131,7 +131,7 @@ class ObjectStream:
         self._scanned = self._depth = 0
         self._in_string = False
 
-    def _find_start(self, items: List[Item]) -> bool:
+    def _find_start(self, items: List[FramedItem]) -> bool:
         start = self._buffer.find(b"{")
         garbage = bytes(self._buffer if start < 0 else self._buffer[:start])
         if _NOT_BLANK.search(garbage) and not self._in_garbage:
@@ -207,9 +207,9 @@ class FrameStream:
         self._credit = _PARSED_IN_VAIN * max_bytes
         self.is_flooded = False
 
-    def feed(self, data: bytes) -> List[Item]:
+    def feed(self, data: bytes) -> List[FramedItem]:
         """Take the next bytes of the stream, and return the items that they complete, in order."""
-        items: List[Item] = []
+        items: List[FramedItem] = []
         for start in range(0, len(data), self._max_bytes):
             if self.is_flooded:
                 break
@@ -235,7 +235,7 @@ class FrameStream:
                 heapq.heappush(self._by_end, (head.end, start))
         self._searched = begin + max(last, len(self._buffer) - _HEAD_BYTES)
 
-    def _take(self, items: List[Item]) -> bool:
+    def _take(self, items: List[FramedItem]) -> bool:
         """Consume some of the buffer; return False when more bytes are needed."""
         if not self._heads:
             self._skip(max(0, len(self._buffer) - _HEAD_BYTES), "bytes outside any status frame", items)
@@ -276,7 +276,7 @@ class FrameStream:
             except FramingError:
                 self._credit -= end - start
 
-    def _leave(self, head: _Head, why: str, length: int, items: List[Item]) -> None:
+    def _leave(self, head: _Head, why: str, length: int, items: List[FramedItem]) -> None:
         self._skip(head.text - head.start, why % length, items)
 
     def _drop(self, count: int) -> None:
@@ -287,7 +287,7 @@ class FrameStream:
         while self._heads and self._heads[0].start < self._begin:
             self._whole.pop(self._heads.popleft().start, None)
 
-    def _skip(self, count: int, why: str, items: List[Item]) -> None:
+    def _skip(self, count: int, why: str, items: List[FramedItem]) -> None:
         if not self._in_damage and _NOT_BLANK.search(self._buffer, 0, count):
             self._in_damage = True
             items.append(FramingError("%s: %r" % (why, bytes(self._buffer[:count]).lstrip()[:40])))

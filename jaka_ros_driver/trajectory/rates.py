@@ -20,7 +20,7 @@ _SLOPE_S = 1e-6
 _TRIES = 3
 """Attempts with one ramp: what was found may be a little larger between its samples."""
 
-Array = Any
+_Array = Any
 """A numpy array, as in ``path``."""
 
 
@@ -59,9 +59,9 @@ class Rates:
         """Return by how much longer the path takes than without, s."""
         return _STEP_S * sum([float((1.0 / self.samples(times)[0] - 1.0).sum()) for times in self.times()])
 
-    def times(self) -> Iterator[Array]:
+    def times(self) -> Iterator[_Array]:
         """Yield the times at which the slowed parts, their ramps included, are looked at, s (m,): some at once."""
-        held: List[Array] = []
+        held: List[_Array] = []
         count = 0
         for since, until, _ in self.stretches:
             begin = since - self.ramp
@@ -75,12 +75,12 @@ class Rates:
         if held:
             yield np.concatenate(held)
 
-    def samples(self, times: Array) -> Tuple[Array, Array]:
+    def samples(self, times: _Array) -> Tuple[_Array, _Array]:
         """Return the rates at many times, s (m,), and their derivatives over the path's time, 1/s: (m,) each."""
         here, next_to = self._lowered(times), self._lowered(times + _SLOPE_S)
         return here, (next_to - here) / _SLOPE_S
 
-    def _lowered(self, times: Array) -> Array:
+    def _lowered(self, times: _Array) -> _Array:
         """Return the rates as ``at`` does, 1 where the path is not slowed, (m,)."""
         index = np.searchsorted(self._parts[:, 0] - self.ramp, times, side="right") - 1
         since, until, rate = self._parts[np.maximum(index, 0)].T
@@ -98,7 +98,7 @@ class Overshoots:
     def __bool__(self) -> bool:
         return bool(self._stretches)
 
-    def add(self, since: Array, until: Array, rates: Array, text: str) -> None:
+    def add(self, since: _Array, until: _Array, rates: _Array, text: str) -> None:
         """Add stretches: begins and ends, s, and the rates that keep the limit, (m,) each; ``text`` tells the worst."""
         rates = rates * _ROOM
         found = [SlowPart(*values) for values in zip(since.tolist(), until.tolist(), rates.tolist())]

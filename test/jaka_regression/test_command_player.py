@@ -6,7 +6,7 @@ import pytest
 from waiting import eventually
 
 from jaka_bag.compare.runs.run import Call
-from jaka_regression.command_player import CommandPlayer, ReplayStopped, Reply
+from jaka_regression.command_player import CommandPlayer, ReplayStopped, ServiceReply
 from jaka_regression.command_schedule import plan
 
 
@@ -34,7 +34,7 @@ class Driver:
         if name == "stop_move":
             self.stopped.set()
         self.log.append((name, "end"))
-        return Reply(name not in self.refuse, "no")
+        return ServiceReply(name not in self.refuse, "no")
 
 
 def ignore(entry, at, reply):

@@ -3,14 +3,14 @@ from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Callable, Deque, Iterable, Iterator, TypeVar
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 Result = TypeVar("Result")
 
 WORKERS = 2
 """Threads that decompress, rearrange and compress: each of these lets the others run."""
 
 
-def in_order(work: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> Iterator[Result]:
+def in_order(work: Callable[[_Item], Result], items: Iterable[_Item], workers: int = WORKERS) -> Iterator[Result]:
     """Return the result of ``work`` for each item, in the order of the items; its exceptions are raised here.
 
     Args:

@@ -5,13 +5,13 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from jaka_bag.live.graph import RemoteNode, master_uri
 
-from .outbox import Frame
+from .outbox import SocketFrame
 from .protocol import Parameter, graph_update, parameter_of, parameters_of
 
 _PERIOD_S = 1.0
 
 Nodes = Dict[str, List[str]]
-Changes = Callable[[Dict[str, Parameter], Optional[Frame]], None]
+_OnChange = Callable[[Dict[str, Parameter], Optional[SocketFrame]], None]
 """A callback for changed parameters by name, and the changes of the graph as a frame, None where there are none."""
 
 
@@ -61,12 +61,12 @@ class GraphView:
             paths.setdefault(tuple(filter(None, name.split("/"))), name)
         return [parameter_of(name, value) for path, name in paths.items() for value in _below(tree, path)]
 
-    def whole_graph(self) -> Optional[Frame]:
+    def whole_graph(self) -> Optional[SocketFrame]:
         """Return the graph as it was last seen; None where it was not looked at."""
         state = self._state
         return None if state is None else graph_update(*state)
 
-    def look(self, master: RemoteNode, tell: Changes) -> None:
+    def look(self, master: RemoteNode, tell: _OnChange) -> None:
         """Ask for what is watched, if it is time to, and report changes.
 
         Raises:
@@ -94,7 +94,7 @@ class GraphView:
         changed.update((name, Parameter(name, None)) for name in before if name not in self._values)
         return changed
 
-    def _changed_graph(self, state: Any) -> Optional[Frame]:
+    def _changed_graph(self, state: Any) -> Optional[SocketFrame]:
         before = self._state or ({}, {}, {})
         published, subscribed, services = ({str(name): sorted(map(str, nodes)) for name, nodes in part}
                                            for part in state)

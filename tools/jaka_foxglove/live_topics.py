@@ -19,7 +19,7 @@ from jaka_bag.messages.connection import Connection
 from jaka_bag.units import NS_PER_S
 
 from .graph_view import GraphView
-from .outbox import Frame
+from .outbox import SocketFrame
 from .protocol import Channel, Parameter, Service, channel_of
 from .service_calls import ServiceCalls
 from .source import ChannelSource, Recipient
@@ -141,7 +141,7 @@ class LiveTopics(ChannelSource):
         if self._graph.watch(parameters, graph):
             self._wake.set()
 
-    def graph(self) -> Optional[Frame]:
+    def graph(self) -> Optional[SocketFrame]:
         return self._graph.whole_graph()
 
     async def parameters(self, names: Iterable[str]) -> List[Parameter]:
@@ -234,13 +234,13 @@ class LiveTopics(ChannelSource):
         if not self._stop.is_set():
             self._loop.call_soon_threadsafe(act, *arguments)
 
-    def _tell(self, changed: Dict[str, Parameter], graph: Optional[Frame]) -> None:
+    def _tell(self, changed: Dict[str, Parameter], graph: Optional[SocketFrame]) -> None:
         if changed:
             self._in_loop(self.audience.tell_parameters, changed)
         if graph is not None:
             self._in_loop(self.audience.tell_graph, graph)
 
-    def _tell_services(self, services: Dict[int, Service], frames: List[Frame]) -> None:
+    def _tell_services(self, services: Dict[int, Service], frames: List[SocketFrame]) -> None:
         def tell() -> None:
             self.services = services
             for frame in frames:

@@ -10,7 +10,7 @@ from jaka_bag.errors import BagError, JakaBagError
 from jaka_bag.live.log_source import LogSource, ReadAhead, Timed
 
 from . import protocol
-from .outbox import Frame
+from .outbox import SocketFrame
 from .playback_clock import PlaybackClock
 from .protocol import PlaybackControl, channel_of
 from .source import ChannelSource, Recipient
@@ -109,7 +109,7 @@ class LogPlayback(ChannelSource):
         await self._loop.run_in_executor(None, self._readers.shutdown)  # what was cancelled may still be reading
         await self._loop.run_in_executor(None, self._source.close)
 
-    def greeting(self) -> List[Frame]:
+    def greeting(self) -> List[SocketFrame]:
         now = self._loop.time()
         return [protocol.time_data(self._clock.position(now)),
                 protocol.playback_state(self._state(), self._clock.position(now), self._clock.speed, False)]

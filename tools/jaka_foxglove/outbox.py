@@ -11,7 +11,7 @@ MAX_ANSWERS = 1024
 MAX_ANSWER_BYTES = 32 << 20
 """Bytes of answers that may wait, or the limit of messages where that is more; below it any answer may be added."""
 
-Frame = Union[str, bytes]
+SocketFrame = Union[str, bytes]
 
 
 class _Message(NamedTuple):
@@ -43,7 +43,7 @@ class Outbox:
         self._answer_limit = max(limit, MAX_ANSWER_BYTES)
         self._answer_size = 0
         self._messages: Deque[Tuple[int, _Message]] = collections.deque()
-        self._answers: Deque[Tuple[int, Frame]] = collections.deque()
+        self._answers: Deque[Tuple[int, SocketFrame]] = collections.deque()
         self._number = 0
         self.size = 0
         self.dropped = 0
@@ -56,7 +56,7 @@ class Outbox:
         self._number += 1
         return self._number
 
-    def answer(self, frame: Frame) -> bool:
+    def answer(self, frame: SocketFrame) -> bool:
         """Add a frame that must not be lost; return False where too many of them wait already."""
         if len(self._answers) >= MAX_ANSWERS or self._answer_size >= self._answer_limit:
             return False
@@ -86,7 +86,7 @@ class Outbox:
             self._messages = collections.deque(kept)
             self.size = sum(message.size for _, message in kept)
 
-    def take(self) -> Optional[Frame]:
+    def take(self) -> Optional[SocketFrame]:
         """Remove and return the next frame; None where nothing waits."""
         if self._answers and (not self._messages or self._answers[0][0] < self._messages[0][0]):
             frame = self._answers.popleft()[1]

@@ -140,14 +140,14 @@ class Refused(NamedTuple):
     reason: str
 
 
-Request = Union[Subscribe, Unsubscribe, GetParameters, SetParameters, WatchParameters, WatchGraph, ServiceCall,
+ViewerRequest = Union[Subscribe, Unsubscribe, GetParameters, SetParameters, WatchParameters, WatchGraph, ServiceCall,
                 PlaybackControl, Refused]
 
 _REFUSED = {"advertise": "viewers cannot publish here", "unadvertise": "viewers cannot publish here",
             "fetchAsset": "files are not served here"}
 
 
-def parse_text(text: str) -> Request:
+def parse_text(text: str) -> ViewerRequest:
     """Parse a viewer's text message."""
     try:
         message = load_json(text, parse_int=_short_int)
@@ -211,7 +211,7 @@ def _request(message: Dict[str, Any]) -> Optional[str]:
     return value
 
 
-def parse_binary(data: bytes) -> Request:
+def parse_binary(data: bytes) -> ViewerRequest:
     """Parse a viewer's binary message."""
     try:
         if data[:1] == bytes([_CALL_REQUEST]):

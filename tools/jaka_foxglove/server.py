@@ -18,7 +18,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from jaka_bag.errors import BagError
 
 from .access import AccessRules
-from .outbox import Frame
+from .outbox import SocketFrame
 from .protocol import OLD_SUBPROTOCOL, SUBPROTOCOLS, Channel, Parameter, advertise, unadvertise
 from .source import Audience, ChannelSource
 from .viewer import TooMuch, Viewer
@@ -319,13 +319,13 @@ class FoxgloveServer(Audience):
     def tell_time(self, time: int) -> None:
         self._each(lambda viewer: viewer.tell_time(time))
 
-    def tell(self, frame: Frame) -> None:
+    def tell(self, frame: SocketFrame) -> None:
         self._each(lambda viewer: viewer.tell(frame))
 
     def tell_parameters(self, changed: Mapping[str, Parameter]) -> None:
         self._each(lambda viewer: viewer.tell_parameters(changed))
 
-    def tell_graph(self, frame: Frame) -> None:
+    def tell_graph(self, frame: SocketFrame) -> None:
         self._each(lambda viewer: viewer.tell(frame) if viewer.watches_graph else None)
 
     def forget_messages(self) -> None:

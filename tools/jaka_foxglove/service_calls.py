@@ -15,7 +15,7 @@ from jaka_bag.errors import ConnectionLost, JakaBagError, ProtocolError
 from jaka_bag.live.graph import RemoteNode, master_uri
 from jaka_bag.live.tcpros import decode_header, encode_header
 
-from .outbox import Frame
+from .outbox import SocketFrame
 from .protocol import Service, advertise_services, unadvertise_services
 
 _LENGTH = struct.Struct("<I")
@@ -26,7 +26,7 @@ _PATIENCE_S = 0.5
 _LARGEST_HEADER = 1 << 20
 _LARGEST_REPLY = 64 << 20
 
-Told = Callable[[Dict[int, Service], List[Frame]], None]
+Told = Callable[[Dict[int, Service], List[SocketFrame]], None]
 """A callback for all services by number, and the frames with their changes."""
 
 
@@ -195,7 +195,7 @@ class ServiceCalls:
         new = [one for number, one in shown.items() if number not in self._shown]
         gone = [number for number in self._shown if number not in shown]
         self._shown = shown
-        frames: List[Frame] = []
+        frames: List[SocketFrame] = []
         if gone:
             frames.append(unadvertise_services(gone))
         if new:

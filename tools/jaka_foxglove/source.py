@@ -3,7 +3,7 @@ from typing import Dict, FrozenSet, Iterable, List, Mapping, Optional, Sequence,
 
 from jaka_bag.errors import JakaBagError
 
-from .outbox import Frame
+from .outbox import SocketFrame
 from .protocol import Channel, Parameter, PlaybackControl, Service
 
 
@@ -26,7 +26,7 @@ class Audience:
         """Send the time, ns; only where the source has the capability ``time``."""
         raise NotImplementedError
 
-    def tell(self, frame: Frame) -> None:
+    def tell(self, frame: SocketFrame) -> None:
         """Send a frame to every viewer; it is never dropped."""
         raise NotImplementedError
 
@@ -34,7 +34,7 @@ class Audience:
         """Send changed parameters, by name, to the viewers that watch them."""
         raise NotImplementedError
 
-    def tell_graph(self, frame: Frame) -> None:
+    def tell_graph(self, frame: SocketFrame) -> None:
         """Send a frame to the viewers that watch the graph."""
         raise NotImplementedError
 
@@ -87,14 +87,14 @@ class ChannelSource:
     def subscribed(self, recipient: Recipient, channel: int) -> None:
         """Handle a viewer's new subscription: earlier messages may be sent to it."""
 
-    def greeting(self) -> List[Frame]:
+    def greeting(self) -> List[SocketFrame]:
         """Return the frames, besides channels, for a viewer that has just connected."""
         return []
 
     def watch(self, parameters: bool, graph: bool) -> None:
         """Set whether any viewer watches parameters, and the graph."""
 
-    def graph(self) -> Optional[Frame]:
+    def graph(self) -> Optional[SocketFrame]:
         """Return the graph as last published, for a viewer that begins to watch it."""
         return None
 

@@ -5,8 +5,8 @@ from typing import Callable, Coroutine, Dict, FrozenSet, Mapping, Optional, Set,
 from jaka_bag.errors import JakaBagError, ProtocolError
 
 from . import protocol
-from .outbox import Frame, Outbox
-from .protocol import Parameter, Request
+from .outbox import Outbox, SocketFrame
+from .protocol import Parameter, ViewerRequest
 from .source import ChannelSource, Recipient
 
 _MAX_ERRORS = 32
@@ -96,7 +96,7 @@ class Viewer(Recipient):
         for frame in source.greeting():
             self.tell(frame)
 
-    def tell(self, frame: Frame) -> None:
+    def tell(self, frame: SocketFrame) -> None:
         """Send what must not be lost.
 
         Raises:
@@ -147,7 +147,7 @@ class Viewer(Recipient):
 
     # What it asks
 
-    def parse(self, message: Frame) -> Optional[Request]:
+    def parse(self, message: SocketFrame) -> Optional[ViewerRequest]:
         """Parse a viewer's message; return None, and send a complaint, where it is invalid.
 
         Raises:
@@ -165,7 +165,7 @@ class Viewer(Recipient):
             raise TooMuch("it sends what is not understood: %s" % text)
         self.tell(protocol.status(protocol.ERROR, text))
 
-    def serve(self, request: Request) -> Optional[Coroutine[None, None, None]]:
+    def serve(self, request: ViewerRequest) -> Optional[Coroutine[None, None, None]]:
         """Serve a request; return the part that takes time, to be awaited.
 
         Raises:

@@ -14,7 +14,7 @@ _PATIENCE = 5.0
 _PATIENCE_S = 60.0
 
 
-class Reply(NamedTuple):
+class ServiceReply(NamedTuple):
     """The reply to a call made again.
 
     Attributes:
@@ -36,7 +36,7 @@ class CommandPlayer:
 
     Args:
         planned: The plan.
-        perform: Makes one call and waits for its answer; must be thread-safe; an error is a Reply, too.
+        perform: Makes one call and waits for its answer; must be thread-safe; an error is a ServiceReply, too.
         notice: Told of each call: the planned one, when it was made (monotonic s), and its reply or None when it
             begins.
         after_previous: Each call as soon as those that it follows have ended.
@@ -46,8 +46,8 @@ class CommandPlayer:
         lateness: Time by which each call was made later than due, s.
     """
 
-    def __init__(self, planned: Sequence[Planned], perform: Callable[[Input], Reply],
-                 notice: Callable[[Planned, float, Optional[Reply]], None], after_previous: bool = False,
+    def __init__(self, planned: Sequence[Planned], perform: Callable[[Input], ServiceReply],
+                 notice: Callable[[Planned, float, Optional[ServiceReply]], None], after_previous: bool = False,
                  cancelled: Optional[Flag] = None) -> None:
         self._planned = planned
         self._perform = perform

@@ -18,7 +18,7 @@ from jaka_bag.operations.tool_poses import rotation_vectors
 from jaka_bag.units import mm_to_m
 
 from .attended import ReplayStopped, attended
-from .command_player import Reply
+from .command_player import ServiceReply
 from .command_schedule import STREAM_SERVICES
 from .preconditions import TOLD, ToolPlace, conditions_in
 from .ros_node import become_node
@@ -48,19 +48,19 @@ def raw_service(service_type: str, md5sum: str) -> Any:
                                    "_response_class": RawMessage})
 
 
-def outcome_of(service_type: str, raw: bytes) -> Reply:
+def outcome_of(service_type: str, raw: bytes) -> ServiceReply:
     """Parse success and message of a response; one of an unknown type, or without such a field, counts as success."""
     known = roslib_message.get_service_class(service_type)
     if known is None:
-        return Reply(True, "")
+        return ServiceReply(True, "")
     response = known._response_class()
     response.deserialize(raw)
     text = str(getattr(response, "message", ""))
     if hasattr(response, "ret"):
-        return Reply(response.ret == 1, text)
+        return ServiceReply(response.ret == 1, text)
     if hasattr(response, "success"):
-        return Reply(bool(response.success), text)
-    return Reply(not text.startswith("error:"), text)
+        return ServiceReply(bool(response.success), text)
+    return ServiceReply(not text.startswith("error:"), text)
 
 
 def slowed(call: Call, share: float) -> bytes:
@@ -154,7 +154,7 @@ class DriverClient:
                 self._under_way -= 1
                 self._changed.notify_all()
 
-    def perform(self, call: Call) -> Reply:
+    def perform(self, call: Call) -> ServiceReply:
         """Make one recorded call and wait for its answer."""
         try:
             request = RawMessage(slowed(call, self._speed_share))
@@ -162,7 +162,7 @@ class DriverClient:
                 response = self._proxy(call).call(request)
             return outcome_of(call.service_type, response._buff)
         except (rospy.ServiceException, rospy.ROSException, BagError) as error:
-            return Reply(False, str(error))
+            return ServiceReply(False, str(error))
 
     def _proxy(self, call: Call) -> Any:
         service = raw_service(call.service_type, call.md5sum)

@@ -15,7 +15,7 @@ from jaka_bag.messages.connection import Connection
 from jaka_bag.units import NS_PER_S
 
 from .attended import attended
-from .command_player import Reply, longest_wait
+from .command_player import ServiceReply, longest_wait
 from .driver_client import DriverNotThere
 from .driver_inputs import SentMessage
 
@@ -36,7 +36,7 @@ class MessagePlayer:
         self._why_end = why_end
         self._publishers: Dict[Tuple[str, str], Any] = {}
         self._classes: Dict[Tuple[str, str], Any] = {}
-        self._results: Dict[Tuple[str, str], Reply] = {}
+        self._results: Dict[Tuple[str, str], ServiceReply] = {}
         self._subscribers: List[Any] = []
         self._stamps: Dict[str, Tuple[Any, Any]] = {}
         self._changed = threading.Condition()
@@ -64,7 +64,7 @@ class MessagePlayer:
         for topic, count in waiting:
             attended(functools.partial(_wait_for_peer, topic, count, end), self._why_end)
 
-    def perform(self, message: SentMessage) -> Reply:
+    def perform(self, message: SentMessage) -> ServiceReply:
         """Send one message; of a goal that had a result in the log, wait for that."""
         key = (message.connection.topic, message.connection.md5sum)
         made = self._classes[key]()
@@ -74,13 +74,13 @@ class MessagePlayer:
         self.move_stamps(message.connection.topic, made, offset)
         self._publishers[key].publish(made)
         if not (message.goal_id and message.duration):
-            return Reply(True, "")
+            return ServiceReply(True, "")
         wanted = (message.connection.topic[:-len("goal")], message.goal_id)
         end = time.monotonic() + longest_wait(message)
         with self._changed:
             while wanted not in self._results and self._why_end() is None and time.monotonic() < end:
                 self._changed.wait(_POLL_S)
-            return self._results.get(wanted, Reply(False, "no result came"))
+            return self._results.get(wanted, ServiceReply(False, "no result came"))
 
     def move_stamps(self, topic: str, message: Any, offset: Any) -> None:
         """Move every stamp of a message by a duration, or by more: on its topic none goes back that did not before.
@@ -101,7 +101,7 @@ class MessagePlayer:
         header.deserialize(message._buff)
         status.deserialize(message._buff[_HEADER_BYTES + len(header.frame_id.encode()):])
         with self._changed:
-            self._results[action, status.goal_id.id] = Reply(status.status == GoalStatus.SUCCEEDED, status.text)
+            self._results[action, status.goal_id.id] = ServiceReply(status.status == GoalStatus.SUCCEEDED, status.text)
             self._changed.notify_all()
 
     def close(self) -> None:

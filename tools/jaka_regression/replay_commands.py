@@ -15,7 +15,7 @@ from jaka_bag.errors import BagError, JakaBagError, UsageError
 from jaka_bag.interrupts import Flag
 
 from .attended import ReplayStopped
-from .command_player import CommandPlayer, Reply
+from .command_player import CommandPlayer, ServiceReply
 from .command_schedule import Planned, as_text, plan
 from .driver_inputs import SentMessage, inputs_of
 from .preconditions import (
@@ -109,7 +109,7 @@ class _Teller:
         calls = [entry.number for entry in planned if not isinstance(entry.call, SentMessage)]
         self._numbers = {number: place for place, number in enumerate(calls)}
 
-    def tell(self, entry: Planned, at: float, reply: Optional[Reply]) -> None:
+    def tell(self, entry: Planned, at: float, reply: Optional[ServiceReply]) -> None:
         """Print that a call or message begins (no reply yet) or ends, ``at`` monotonic s."""
         if self._args.progress:
             event = {"call": self._numbers.get(entry.number), "service": entry.call.service,

@@ -1,7 +1,7 @@
 """The motions of a log that no call and no message in it began: a replay of those cannot repeat them."""
 from typing import Callable, List, Mapping, NamedTuple, Optional, Sequence
 
-from jaka_bag.compare.runs.run import Call, Run, Window, arm_of
+from jaka_bag.compare.runs.run import Call, Run, TimeWindow, arm_of
 
 from .driver_inputs import Input, SentMessage
 
@@ -53,7 +53,7 @@ def uncaused_motions(run: Run, inputs: Sequence[Input], moments: Mapping[str, Se
     return found
 
 
-def _uncaused(arm: str, motions: Sequence[Window], inputs: Sequence[Input],
+def _uncaused(arm: str, motions: Sequence[TimeWindow], inputs: Sequence[Input],
               moments: Sequence[float]) -> List[UncausedMotion]:
     calls = [one for one in inputs if isinstance(one, Call)]
     guided = _spans(calls, lambda call: call.short_name == "drag_mode" and any(call.request),
@@ -79,9 +79,9 @@ def _uncaused(arm: str, motions: Sequence[Window], inputs: Sequence[Input],
     return found
 
 
-def _spans(calls: Sequence[Call], begins: Callable[[Call], bool], ends: Callable[[Call], bool]) -> List[Window]:
+def _spans(calls: Sequence[Call], begins: Callable[[Call], bool], ends: Callable[[Call], bool]) -> List[TimeWindow]:
     """Return the spans from a successful call that begins something to the next one that ends it, or for ever."""
-    found: List[Window] = []
+    found: List[TimeWindow] = []
     since: Optional[float] = None
     for call in calls:
         if since is None and call.success and begins(call):
@@ -92,7 +92,7 @@ def _spans(calls: Sequence[Call], begins: Callable[[Call], bool], ends: Callable
     return found if since is None else [*found, (since, float("inf"))]
 
 
-def _is_in(spans: Sequence[Window], moment: float) -> bool:
+def _is_in(spans: Sequence[TimeWindow], moment: float) -> bool:
     return any(begin <= moment <= end for begin, end in spans)
 
 

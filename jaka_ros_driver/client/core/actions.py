@@ -80,16 +80,16 @@ class Log(NamedTuple):
     text: str
 
 
-Action = Union[Open, Close, Send, Answer, NotifyGuard, PublishState, Log]
+CoreAction = Union[Open, Close, Send, Answer, NotifyGuard, PublishState, Log]
 
 
 class Actions:
     """The list of actions, in order, until the shell takes them."""
 
     def __init__(self) -> None:
-        self._actions: List[Action] = []
+        self._actions: List[CoreAction] = []
 
-    def add(self, action: Action) -> None:
+    def add(self, action: CoreAction) -> None:
         """Append an action."""
         self._actions.append(action)
 
@@ -108,7 +108,7 @@ class Actions:
             self.answer(call, None, error)
         calls.clear()
 
-    def take(self) -> List[Action]:
+    def take(self) -> List[CoreAction]:
         """Return all actions, and leave none."""
         taken, self._actions = self._actions, []
         return taken

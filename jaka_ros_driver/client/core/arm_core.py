@@ -8,7 +8,7 @@ import logging
 from typing import Callable, Dict, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.actions import Action, Actions, Port, Token
+from jaka_ros_driver.client.core.actions import Actions, CoreAction, Port, Token
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import require_no_wait
 from jaka_ros_driver.client.core.custody import Custody
@@ -207,7 +207,7 @@ class ArmCore:
             return False
         return self.motion_owner is not MotionOwner.LEFT
 
-    def take_actions(self) -> List[Action]:
+    def take_actions(self) -> List[CoreAction]:
         """Return the actions for the shell since its last call, in order."""
         return self.actions.take()
 

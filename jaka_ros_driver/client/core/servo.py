@@ -9,7 +9,7 @@ from jaka_ros_driver.client.core.motion_guard.pose_guard import PoseGuard
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
-from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, Frame, OnMode, Streaming, commanded_joints
+from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, OnMode, ServoFrame, Streaming, commanded_joints
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -64,7 +64,7 @@ class Servo(Streaming):
         else:
             self._calls.append(call)
 
-    def set_target(self, command: Frame, now: float) -> str:
+    def set_target(self, command: ServoFrame, now: float) -> str:
         """Follow this target from the next cycle on.
 
         Returns:
@@ -107,7 +107,7 @@ class Servo(Streaming):
     def _not_entered(self, error: JakaError) -> None:
         self._custody.actions.answer_all(self._calls, error)
 
-    def _frame(self, now: float) -> Frame:
+    def _frame(self, now: float) -> ServoFrame:
         assert self._stream is not None
         timeout = self._custody.settings.servo_timeout
         if now - self._last_target_at > timeout:
@@ -137,12 +137,12 @@ class Servo(Streaming):
 
     # ---- streams ----
 
-    def _joints_of(self, frame: Frame) -> Tuple[Optional[Vector], str]:
+    def _joints_of(self, frame: ServoFrame) -> Tuple[Optional[Vector], str]:
         if isinstance(frame, ServoJoint) or self._pose_guard is None:
             return super()._joints_of(frame)
         return self._pose_guard.joints_of(frame.target)
 
-    def _frame_at(self, joints: Vector) -> Tuple[Frame, Vector]:
+    def _frame_at(self, joints: Vector) -> Tuple[ServoFrame, Vector]:
         if not isinstance(self._stream, PoseServo) or self._pose_guard is None:
             return super()._frame_at(joints)
         pose = self._pose_guard.pose_at(joints)

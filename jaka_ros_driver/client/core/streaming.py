@@ -40,7 +40,7 @@ _NEVER = float("inf")
 _SAME_POINT = 1e-7
 """Distance, rad or m, of two frames up to which they ask for the same place."""
 
-Frame = Union[ServoJoint, ServoPose]
+ServoFrame = Union[ServoJoint, ServoPose]
 OnMode = Callable[[bool, str], None]
 
 
@@ -97,7 +97,7 @@ class Streaming(ArmMotion):
         """Handle that servo mode could not be entered; nothing has moved."""
         raise NotImplementedError
 
-    def _frame(self, now: float) -> Frame:
+    def _frame(self, now: float) -> ServoFrame:
         """Return the frame of this cycle."""
         raise NotImplementedError
 
@@ -113,11 +113,11 @@ class Streaming(ArmMotion):
         """Return what in this state contradicts the stream; None where nothing does."""
         raise NotImplementedError
 
-    def _joints_of(self, frame: Frame) -> Tuple[Optional[Vector], str]:
+    def _joints_of(self, frame: ServoFrame) -> Tuple[Optional[Vector], str]:
         """Return the joints of a frame, rad (6,), None where nobody knows them, and why it ends the stream, or ""."""
         return (frame.joint_position if isinstance(frame, ServoJoint) else None), ""
 
-    def _frame_at(self, joints: Vector) -> Tuple[Frame, Vector]:
+    def _frame_at(self, joints: Vector) -> Tuple[ServoFrame, Vector]:
         """Return a frame of the brake, at these joints, rad (6,), and its target as ``_sent_point`` has it."""
         return ServoJoint(joints), joints
 

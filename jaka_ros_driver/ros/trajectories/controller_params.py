@@ -24,7 +24,7 @@ _NOT_USED = {
 """Parameters that are read by a JointTrajectoryController and mean nothing here, each with the reason."""
 _OURS = ("type", "joints", "state_publish_rate", "allow_partial_joints_goal", "constraints")
 
-Tolerances = Tuple[Optional[float], ...]
+JointTolerances = Tuple[Optional[float], ...]
 
 
 class ControllerParams(NamedTuple):
@@ -38,8 +38,8 @@ class ControllerParams(NamedTuple):
         allows_partial: Goals may name some of the joints; the others are held.
     """
 
-    path: Tolerances
-    goal: Tolerances
+    path: JointTolerances
+    goal: JointTolerances
     goal_time: float
     state_period: float = 1.0 / STATE_RATE_HZ
     allows_partial: bool = False

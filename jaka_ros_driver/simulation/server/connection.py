@@ -2,7 +2,7 @@
 from collections import deque
 from typing import Callable, Deque, List, Optional
 
-from jaka_ros_driver.protocol.framing import Item
+from jaka_ros_driver.protocol.framing import FramedItem
 from jaka_ros_driver.simulation.controller.executor import ReplyLine
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
@@ -35,7 +35,7 @@ class ClientConnection:
         self.number = number
         self.peer = peer
         self.parser = RequestParser()
-        self.inbox: Deque[Item] = deque()
+        self.inbox: Deque[FramedItem] = deque()
         self.replies = ReplyLine()
         self.opened_at = self.last_request_at = now
         self.is_half_open = False

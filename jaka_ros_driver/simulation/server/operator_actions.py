@@ -18,7 +18,7 @@ from jaka_ros_driver.simulation.server.event_loop import ControllerServer
 from jaka_ros_driver.simulation.server.faults import Effect
 from jaka_ros_driver.units import deg_to_rad, m_to_mm, ms_to_s
 
-Answer = Dict[str, Any]
+_Answer = Dict[str, Any]
 _FAULT_KEYS = ("kind", "port", "count", "probability", "command")
 
 
@@ -31,12 +31,12 @@ class Action(NamedTuple):
         meaning: In words.
     """
 
-    act: Callable[[ControllerServer, Dict[str, Any]], Optional[Answer]]
+    act: Callable[[ControllerServer, Dict[str, Any]], Optional[_Answer]]
     parameters: str
     meaning: str
 
 
-def handle(server: ControllerServer, request: Dict[str, Any]) -> Answer:
+def handle(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
     """Carry out one request of the operator port. An error is in the answer; nothing is raised."""
     name = request.get("action")
     action = ACTIONS.get(name) if isinstance(name, str) else None
@@ -62,13 +62,13 @@ def _joint(arguments: Arguments) -> int:
     return joint - 1
 
 
-def _hit(server: ControllerServer, request: Dict[str, Any]) -> Answer:
+def _hit(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
     arguments = Arguments(request)
     joint = _joint(arguments) if arguments.has("joint") else None
     return {"noticed": server.controller.state.hit(arguments.number("force", 150.0), joint)}
 
 
-def _push(server: ControllerServer, request: Dict[str, Any]) -> Answer:
+def _push(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
     arguments = Arguments(request)
     pushed = server.controller.state.push(
         _joint(arguments), deg_to_rad(arguments.number("velocity")), arguments.number("duration", 1.0))
@@ -92,7 +92,7 @@ def _load_force_sensor(server: ControllerServer, request: Dict[str, Any]) -> Non
     sensor.load(tuple(arguments.number(axis, 0.0) for axis in ("fx", "fy", "fz", "mx", "my", "mz")))
 
 
-def _fault(server: ControllerServer, request: Dict[str, Any]) -> Answer:
+def _fault(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
     known = {key: request[key] for key in _FAULT_KEYS if key in request}
     params = {key: value for key, value in request.items() if key not in known}
     if "kind" not in known or "port" not in known:
@@ -113,7 +113,7 @@ def _ports(request: Dict[str, Any]) -> Tuple[str, ...]:
     return PORTS if port == "all" else (str(port),)
 
 
-def _end(effect: Effect) -> Callable[[ControllerServer, Dict[str, Any]], Answer]:
+def _end(effect: Effect) -> Callable[[ControllerServer, Dict[str, Any]], _Answer]:
     return lambda server, request: {"connections": server.end_connections(_ports(request), effect)}
 
 
@@ -147,7 +147,7 @@ def _fields(server: ControllerServer, request: Dict[str, Any]) -> None:
     server.controller.change_fields(added, tuple(dropped))
 
 
-def _state(server: ControllerServer, _request: Dict[str, Any]) -> Answer:
+def _state(server: ControllerServer, _request: Dict[str, Any]) -> _Answer:
     state = server.controller.state
     code, text = state.alarms.shown()
     return {"state": {

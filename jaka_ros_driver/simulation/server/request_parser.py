@@ -13,7 +13,7 @@ import re
 from typing import List, Optional, Tuple
 
 from jaka_ros_driver.errors import FramingError
-from jaka_ros_driver.protocol.framing import STRICT_DECODER, Item, JsonObject, parse_object
+from jaka_ros_driver.protocol.framing import STRICT_DECODER, FramedItem, JsonObject, parse_object
 
 MAX_REQUEST_BYTES = 1 << 16
 """Longest request accepted, bytes; the longest one known is below 400 bytes (docs/sdk-client.md section 8)."""
@@ -190,18 +190,18 @@ class RequestParser:
             return self._last_byte_at + SKIP_LIMIT_S
         return self._last_byte_at + INCOMPLETE_REQUEST_LIMIT_S if self._open else None
 
-    def expire(self, now: float) -> List[Item]:
+    def expire(self, now: float) -> List[FramedItem]:
         """Give up a request that was not finished in time; return an error for it."""
         deadline = self.next_deadline()
         if deadline is None or now < deadline:
             return []
-        items: List[Item] = []
+        items: List[FramedItem] = []
         if self._open and not self._is_silent:
             items.append(FramingError("request not finished within %g s" % INCOMPLETE_REQUEST_LIMIT_S))
         self._drop()
         return items
 
-    def feed(self, data: bytes, now: float) -> List[Item]:
+    def feed(self, data: bytes, now: float) -> List[FramedItem]:
         """Take the next bytes, arrived at ``now``, s; return the requests they complete and the errors they make."""
         items = self.expire(now)
         self._last_byte_at = now
@@ -237,7 +237,7 @@ class RequestParser:
         self._skipping = False
         self._grammar = _ObjectGrammar()
 
-    def _in_object(self, byte: int, items: List[Item]) -> None:
+    def _in_object(self, byte: int, items: List[FramedItem]) -> None:
         depth, in_string = self._grammar.depth, self._grammar.in_string
         if not self._grammar.accepts(byte):
             begins_next = not in_string and self._text.endswith(b'{"') and byte not in _AFTER_STRING
@@ -260,7 +260,7 @@ class RequestParser:
             self._fail("a request of more than %d bytes" % MAX_REQUEST_BYTES, items)
             self._skip_depth, self._skip_in_string = self._grammar.depth, self._grammar.in_string
 
-    def _fail(self, why: str, items: List[Item]) -> None:
+    def _fail(self, why: str, items: List[FramedItem]) -> None:
         if not self._is_silent:
             items.append(FramingError(why))
         self._drop()

@@ -18,7 +18,7 @@ from .matching.alignment import Aligner, arms_of
 from .matching.course import Course
 from .matching.cut_motions import Cut, cut_motions, fit_ends
 from .runs.loading import load_run
-from .runs.run import Run, Window
+from .runs.run import Run, TimeWindow
 from .tolerances import Tolerances
 from .unmatched import unmatched_names
 from .verdict import Comparison, Residual, ResidualKey
@@ -106,7 +106,8 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
                       unmatched_names(golden, limits))
 
 
-def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:
+def _in_step(golden: Tuple[TimeWindow, ...], candidate: Tuple[TimeWindow, ...],
+             lag: float) -> Iterator[Tuple[bool, TimeWindow]]:
     """Merge the windows of both logs by time, so that the same time of both is read soon after each other.
 
     Each comes with whether it is the candidate's.

@@ -13,7 +13,7 @@ from ..errors import BagError
 from ..paths import PathLike
 from ..yaml_text import BoundedLoader
 
-Section = TypeVar("Section")
+_Section = TypeVar("_Section")
 Rule = TypeVar("Rule")
 
 
@@ -231,7 +231,7 @@ def _word(where: str, value: Any, allowed: Tuple[str, ...]) -> str:
     return str(value)
 
 
-def _section(where: str, kind: Type[Section], given: Mapping[str, Any]) -> Section:
+def _section(where: str, kind: Type[_Section], given: Mapping[str, Any]) -> _Section:
     fields = {item.name: item for item in dataclasses.fields(kind)}  # type: ignore[arg-type]
     check_names(where, given, list(fields), ToleranceError)
     values: Dict[str, Any] = {}

@@ -19,7 +19,7 @@ _BREAK = "=" * 80
 _DEEPEST = 20
 _MOST_FIELDS = 5000
 _U32 = struct.Struct("<I")
-Write = Callable[[Any], bytes]
+_Write = Callable[[Any], bytes]
 """A function from a value as ``json`` gives it, None where it is missing, to its bytes in a ROS 1 message."""
 
 
@@ -27,7 +27,7 @@ class _Kind(NamedTuple):
     """A type of ROS 1, and the function that writes values of it."""
 
     name: str
-    write: Write
+    write: _Write
 
 
 def _text(value: Any) -> bytes:
@@ -139,7 +139,7 @@ class JsonType:
             schema = found
         return schema if isinstance(schema, dict) else {}
 
-    def _message(self, name: str, schema: Dict[str, Any], above: Tuple[int, ...], is_certain: bool = True) -> Write:
+    def _message(self, name: str, schema: Dict[str, Any], above: Tuple[int, ...], is_certain: bool = True) -> _Write:
         """Add the definition of an object; return what writes one.
 
         Args:
@@ -151,7 +151,7 @@ class JsonType:
         required = schema.get("required")
         must = set(map(str, required)) if isinstance(required, list) and is_certain else set()
         lines: List[str] = []
-        writers: List[Tuple[str, Write]] = []
+        writers: List[Tuple[str, _Write]] = []
         taken: Dict[str, int] = {}
         for key, value in schema["properties"].items():
             self._fields += 1
@@ -192,7 +192,7 @@ class JsonType:
         return _TEXT
 
 
-def _array(write: Write) -> Write:
+def _array(write: _Write) -> _Write:
     """Return what writes an array, given what writes one of its values."""
     def write_all(value: Any) -> bytes:
         values = [] if value is None else value

@@ -44,7 +44,7 @@ _SMALL = 256 << 10
 
 OnProgress = Callable[[int, int], None]
 """A callback for the bytes read and the messages written since the last call."""
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 
 class Job(NamedTuple):
@@ -197,7 +197,7 @@ def copy_extras(source: Union[LogReader, LogRecovery], writer: LogWriter, has_at
             known.add(fact)
 
 
-def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, MessageBatch]], writer: LogWriter,
+def write_in_order(items: Iterable[_Item], load: Callable[[_Item], Tuple[int, MessageBatch]], writer: LogWriter,
                    ids: Optional[Array] = None, on_progress: Optional[OnProgress] = None,
                    workers: int = WORKERS) -> int:
     """Write batches in the order of the items that they come from; return the number of messages.
@@ -214,7 +214,7 @@ def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, Mess
         BagFormatError: A chunk read meanwhile is damaged.
         BagError: The output cannot hold them.
     """
-    def work(item: Item) -> Tuple[int, int, List[Optional[EncodedChunk]]]:
+    def work(item: _Item) -> Tuple[int, int, List[Optional[EncodedChunk]]]:
         size, batch = load(item)
         numbers = np.arange(int(batch.connection.max(initial=0)) + 1) if ids is None else ids
         return size, len(batch), [writer.encode(piece, numbers) for piece in pieces_of(batch, _MAX_PIECE)]

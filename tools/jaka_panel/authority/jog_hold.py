@@ -63,7 +63,7 @@ class Velocity(NamedTuple):
     values: Tuple[float, ...]
 
 
-Tell = Callable[[str, Dict[str, Any]], None]
+_Notify = Callable[[str, Dict[str, Any]], None]
 """Told what becomes of a hold: the page, and the message to it."""
 Say = Callable[[Velocity], None]
 """Says a velocity to the driver, now."""
@@ -166,7 +166,7 @@ class JogHold:
         fraction: Share of the limits, 0 to 1; ``FRACTION`` whenever control changes hands.
     """
 
-    def __init__(self, say: Say, tell: Tell) -> None:
+    def __init__(self, say: Say, tell: _Notify) -> None:
         self.fraction = FRACTION
         self._say, self._tell = say, tell
         self._hold: Optional[_Hold] = None

@@ -27,7 +27,7 @@ _FAR_M, _TURN_RAD, _JOINT_RAD, _HEAVY_KG, _LONG_S = 100.0, 100.0, 100.0, 1000.0,
 _FAST_M_S, _FAST_RAD_S = 10.0, 20.0
 
 Entries = Dict[str, Dict[str, Dict[str, Dict[str, Any]]]]
-Check = Callable[[Any, str], None]
+_Check = Callable[[Any, str], None]
 
 
 class WrongCell(ValueError):
@@ -45,21 +45,21 @@ class Change(NamedTuple):
 
 # ---- checks of values; each raises WrongCell with the place ----
 
-def _number(low: float, high: float, unit: str) -> Check:
+def _number(low: float, high: float, unit: str) -> _Check:
     def check(value: Any, place: str) -> None:
         if type(value) not in (int, float) or not low <= value <= high:
             raise WrongCell("%s must be a number within %g to %g %s" % (place, low, high, unit))
     return check
 
 
-def _whole(low: int, high: int) -> Check:
+def _whole(low: int, high: int) -> _Check:
     def check(value: Any, place: str) -> None:
         if type(value) is not int or not low <= value <= high:
             raise WrongCell("%s must be a whole number within %d to %d" % (place, low, high))
     return check
 
 
-def _list(item: Check, low: int, high: int) -> Check:
+def _list(item: _Check, low: int, high: int) -> _Check:
     def check(value: Any, place: str) -> None:
         if not isinstance(value, list) or not low <= len(value) <= high:
             count = "%d" % low if low == high else "%d to %d" % (low, high)
@@ -69,7 +69,7 @@ def _list(item: Check, low: int, high: int) -> Check:
     return check
 
 
-def _object(needed: Mapping[str, Check], free: Mapping[str, Check]) -> Check:
+def _object(needed: Mapping[str, _Check], free: Mapping[str, _Check]) -> _Check:
     def check(value: Any, place: str) -> None:
         if not isinstance(value, dict):
             raise WrongCell("%s must be an object" % place)
@@ -97,7 +97,7 @@ def _name(value: Any, place: str) -> None:
             place, _short(value), _LONGEST_NAME))
 
 
-def _choice(*choices: str) -> Check:
+def _choice(*choices: str) -> _Check:
     def check(value: Any, place: str) -> None:
         if not isinstance(value, str) or value not in choices:
             raise WrongCell("%s must be one of %s" % (place, ", ".join(choices)))
@@ -127,10 +127,10 @@ _TURN = _list(_number(-_TURN_RAD, _TURN_RAD, "rad"), 3, 3)
 _LENGTH = _number(0.0, _FAR_M, "m")
 _SPEED_M_S, _SPEED_RAD_S = _number(1e-4, _FAST_M_S, "m/s"), _number(1e-4, _FAST_RAD_S, "rad/s")
 _POSE = _object({"p": _PLACE, "r": _TURN}, {})
-_TAKEN: Dict[str, Check] = {"taken": _number(0.0, 1e11, "s since 1970"), "model": _text}
+_TAKEN: Dict[str, _Check] = {"taken": _number(0.0, 1e11, "s since 1970"), "model": _text}
 _FRAME_NUMBER = _whole(1, 11)
 _BLEND = {"blend": _number(0.0, 1.0, "m")}
-_STEPS: Dict[str, Check] = {
+_STEPS: Dict[str, _Check] = {
     "joint": _object({"kind": _text, "point": _name, "speed": _SPEED_RAD_S}, _BLEND),
     "line": _object({"kind": _text, "point": _name, "speed": _SPEED_M_S}, _BLEND),
     "arc": _object({"kind": _text, "via": _name, "point": _name, "speed": _SPEED_M_S}, _BLEND),
@@ -154,7 +154,7 @@ def _values(value: Any, place: str) -> None:
         _value(one, "%s: %s" % (place, key))
 
 
-SECTIONS: Dict[str, Check] = {
+SECTIONS: Dict[str, _Check] = {
     "io": _object({"label": _text}, {}),
     "points": _object({"q": _JOINTS}, {
         "tool": _POSE, "flange": _POSE, "tool_number": _whole(0, 1000), "user_number": _whole(0, 1000), **_TAKEN}),

@@ -8,7 +8,7 @@ from roslib import message as roslib_message
 from jaka_bag.errors import JakaBagError
 from jaka_regression.trajectory_client import GoalClient
 
-from ..plans.motion_list import JOINT, Joints, ListMotion, ListPart, ListPlan, plan_list
+from ..plans.motion_list import JOINT, JointAngles, ListMotion, ListPart, ListPlan, plan_list
 from ..plans.point_plan import WrongPlan
 from ..teach.rotations import FramePose
 from .arm_feed import STALE_S, ArmFeed
@@ -28,8 +28,8 @@ def is_offered(driver: Driver) -> bool:
     return driver.publishes(ACTION + "/status") and roslib_message.get_message_class(ACTION_TYPE) is not None
 
 
-def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[str, Any]], begin: Joints,
-         limits: Optional[Sequence[Mapping[str, Any]]]) -> ListPlan:
+def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[str, Any]],
+         begin: JointAngles, limits: Optional[Sequence[Mapping[str, Any]]]) -> ListPlan:
     """Plan a list from where the arm is; it asks the driver for each pose, and is called in a thread that may wait.
 
     Raises:
@@ -45,12 +45,12 @@ def plan(driver: Driver, steps: Sequence[Mapping[str, Any]], points: Mapping[str
             raise WrongPlan(answer.message or "the driver does not tell the pose")
         return answer.data
 
-    def forward(joints: Joints) -> FramePose:
+    def forward(joints: JointAngles) -> FramePose:
         pose = asked("fk", q=list(joints))
         return FramePose(pose["p"], pose["r"])
 
-    def inverse(pose: FramePose, near: Joints) -> Joints:
-        found: Joints = asked("ik", p=list(pose.position), r=list(pose.rotation_vector), near=list(near))["q"]
+    def inverse(pose: FramePose, near: JointAngles) -> JointAngles:
+        found: JointAngles = asked("ik", p=list(pose.position), r=list(pose.rotation_vector), near=list(near))["q"]
         return found
 
     return plan_list(steps, points, begin, limits, forward, inverse)

@@ -28,6 +28,8 @@ _READ_BACK = 1e-3
 _DEFAULT_JOINT_ACCELERATION = 2.0
 _DEFAULT_ACCELERATION = 0.5
 _SAME_M, _SAME_RAD = 0.0005, 0.005
+Args = Mapping[str, Any]
+"""The arguments of a page's request, by name, as its JSON has them."""
 
 
 class WrongRequest(ValueError):
@@ -53,7 +55,7 @@ class Request(NamedTuple):
         begins: True if it lets the arm move: it is not sent after a stop that came later than it.
     """
 
-    perform: Callable[[Driver, Mapping[str, Any]], CallResult]
+    perform: Callable[[Driver, Args], CallResult]
     timeout: float = SHORT_S
     needs_control: bool = True
     is_motion: bool = False
@@ -107,7 +109,7 @@ def _told(response: Any) -> CallResult:
 
 # ---- fields of a page's request ----
 
-def number(args: Mapping[str, Any], name: str, default: Optional[float] = None) -> float:
+def number(args: Args, name: str, default: Optional[float] = None) -> float:
     """Return a finite number; raise WrongRequest for anything else."""
     value = args.get(name, default)
     if value is None or type(value) not in (int, float) or not math.isfinite(value):
@@ -115,7 +117,7 @@ def number(args: Mapping[str, Any], name: str, default: Optional[float] = None) 
     return float(value)
 
 
-def whole(args: Mapping[str, Any], name: str, low: int = 0, high: int = 32767) -> int:
+def whole(args: Args, name: str, low: int = 0, high: int = 32767) -> int:
     """Return a whole number within a range; raise WrongRequest for anything else."""
     value = args.get(name)
     if type(value) is not int or not low <= value <= high:
@@ -123,7 +125,7 @@ def whole(args: Mapping[str, Any], name: str, low: int = 0, high: int = 32767) -
     return value
 
 
-def flag(args: Mapping[str, Any], name: str) -> bool:
+def flag(args: Args, name: str) -> bool:
     """Return true or false; raise WrongRequest for anything else."""
     value = args.get(name)
     if type(value) is not bool:
@@ -131,7 +133,7 @@ def flag(args: Mapping[str, Any], name: str) -> bool:
     return value
 
 
-def text(args: Mapping[str, Any], name: str, choices: Optional[Sequence[str]] = None) -> str:
+def text(args: Args, name: str, choices: Optional[Sequence[str]] = None) -> str:
     """Return a text, one of the choices where there are some; raise WrongRequest for anything else."""
     value = args.get(name)
     if not isinstance(value, str) or len(value) > _LONGEST_NAME or (choices is not None and value not in choices):
@@ -140,7 +142,7 @@ def text(args: Mapping[str, Any], name: str, choices: Optional[Sequence[str]] = 
     return value
 
 
-def numbers(args: Mapping[str, Any], name: str, count: int) -> List[float]:
+def numbers(args: Args, name: str, count: int) -> List[float]:
     """Return ``count`` finite numbers; raise WrongRequest for anything else."""
     values = args.get(name)
     if not isinstance(values, list) or len(values) != count:
@@ -148,33 +150,33 @@ def numbers(args: Mapping[str, Any], name: str, count: int) -> List[float]:
     return [number({name: value}, name) for value in values]
 
 
-def _pose(args: Mapping[str, Any]) -> List[float]:
+def _pose(args: Args) -> List[float]:
     """Return x y z, mm, and a rotation vector, rad."""
     return [1000.0 * value for value in numbers(args, "p", 3)] + numbers(args, "r", 3)
 
 
 # ---- what is asked for ----
 
-def _switch(name: str) -> Callable[[Driver, Mapping[str, Any]], CallResult]:
+def _switch(name: str) -> Callable[[Driver, Args], CallResult]:
     return lambda driver, args: _told(_call(driver, name, "std_srvs/SetBool", data=flag(args, "on")))
 
 
-def _trigger(name: str) -> Callable[[Driver, Mapping[str, Any]], CallResult]:
+def _trigger(name: str) -> Callable[[Driver, Args], CallResult]:
     return lambda driver, args: _told(_call(driver, name, "std_srvs/Trigger"))
 
 
-def _clear_err(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _clear_err(driver: Driver, args: Args) -> CallResult:
     if roslib_message.get_service_class("jaka_msgs/ClearErr") is None:  # the maker's jaka_msgs; the driver takes both
         return _told(_call(driver, "clear_err", "jaka_msgs/ClearError", enable=True))
     return _told(_call(driver, "clear_err", "jaka_msgs/ClearErr"))
 
 
-def _speed(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _speed(driver: Driver, args: Args) -> CallResult:
     return _told(_call(driver, "set_speed_slider", "jaka_msgs/SetSpeedSlider",
                        speed_slider_fraction=number(args, "fraction")))
 
 
-def _set_output(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _set_output(driver: Driver, args: Args) -> CallResult:
     signal, bank = text(args, "signal", ("digital", "analog")), BANKS[text(args, "bank", tuple(BANKS))]
     value = args.get("value")
     wanted = float(value) if type(value) is bool else number(args, "value")
@@ -196,7 +198,7 @@ def output_of(request_text: str) -> Key:
     return bank, str(request["signal"]), int(request["index"])
 
 
-def _terminal(driver: Driver, args: Mapping[str, Any]) -> int:
+def _terminal(driver: Driver, args: Args) -> int:
     """Return the index of a terminal, which must mean the place at which the page shows it."""
     if driver.interface != "documented":
         raise WrongRequest("with interface %s the index of a terminal is the maker's, and may be one beside the one "
@@ -204,7 +206,7 @@ def _terminal(driver: Driver, args: Mapping[str, Any]) -> int:
     return whole(args, "index")
 
 
-def _get_io(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _get_io(driver: Driver, args: Args) -> CallResult:
     signal = text(args, "signal", ("digital", "analog"))
     read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal,
                  path=("input", "output").index(text(args, "direction", ("input", "output"))),
@@ -214,29 +216,29 @@ def _get_io(driver: Driver, args: Mapping[str, Any]) -> CallResult:
     return CallResult(True, read.message, {"value": bool(read.value) if signal == "digital" else round(read.value, 6)})
 
 
-def _tool_frame(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _tool_frame(driver: Driver, args: Args) -> CallResult:
     return _told(_call(driver, "set_toolframe", "jaka_msgs/SetTcpFrame", pose=_pose(args),
                        tool_num=whole(args, "number")))
 
 
-def _user_frame(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _user_frame(driver: Driver, args: Args) -> CallResult:
     return _told(_call(driver, "set_userframe", "jaka_msgs/SetUserFrame", pose=_pose(args),
                        user_num=whole(args, "number")))
 
 
-def _payload(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _payload(driver: Driver, args: Args) -> CallResult:
     x, y, z = (1000.0 * value for value in numbers(args, "centre", 3))
     return _told(_call(driver, "set_payload", "jaka_msgs/SetPayload", tool_num=whole(args, "tool"),
                        mass=number(args, "mass"), xc=x, yc=y, zc=z))
 
 
-def _collision(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _collision(driver: Driver, args: Args) -> CallResult:
     level = whole(args, "level", 0, 4)
     return _told(_call(driver, "set_collisionlevel", "jaka_msgs/SetCollision", is_enable=level > 0,
                        value=_COLLISION_VALUES.get(level, _COLLISION_VALUES[1])))
 
 
-def _joint_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _joint_move(driver: Driver, args: Args) -> CallResult:
     return _told(_call(driver, "joint_move", "jaka_msgs/Move", pose=numbers(args, "q", 6),
                        mvvelo=number(args, "speed"), mvacc=number(args, "acc", _DEFAULT_JOINT_ACCELERATION)))
 
@@ -247,7 +249,7 @@ def is_same(a: FramePose, b: FramePose) -> bool:
     return bool(np.linalg.norm(away.position) <= _SAME_M and np.linalg.norm(away.rotation_vector) <= _SAME_RAD)
 
 
-def _linear_move(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _linear_move(driver: Driver, args: Args) -> CallResult:
     pose = _pose(args)
     if "q" in args:  # what was shown is where the arm would go, in the frames that are active now
         shown = _fk(driver, args)
@@ -267,7 +269,7 @@ def _failed(values: Sequence[float]) -> bool:
     return len(values) != 6 or not all(map(math.isfinite, values)) or all(value > _FAILURE for value in values)
 
 
-def _fk(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _fk(driver: Driver, args: Args) -> CallResult:
     response = _call(driver, "get_fk", "jaka_msgs/GetFK", joint=numbers(args, "q", 6))
     pose = list(response.cartesian_pose)
     if _failed(pose):
@@ -276,7 +278,7 @@ def _fk(driver: Driver, args: Mapping[str, Any]) -> CallResult:
                                                  "r": vector_from_rpy(pose[3:])})
 
 
-def _ik(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _ik(driver: Driver, args: Args) -> CallResult:
     pose = _pose(args)
     response = _call(driver, "get_ik", "jaka_msgs/GetIK", ref_joint=numbers(args, "near", 6),
                      cartesian_pose=pose[:3] + rpy_from_vector(pose[3:]))
@@ -285,17 +287,17 @@ def _ik(driver: Driver, args: Mapping[str, Any]) -> CallResult:
         True, str(response.message), {"q": joints})
 
 
-def _program_load(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _program_load(driver: Driver, args: Args) -> CallResult:
     return _told(_call(driver, "program/load", "jaka_msgs/LoadProgram", name=text(args, "name")))
 
 
-def _zones(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _zones(driver: Driver, args: Args) -> CallResult:
     response = _call(driver, "set_workspace", "jaka_msgs/SetWorkspace", yaml="")  # empty: it only reads
     done = _told(response)
     return done._replace(data=yaml.safe_load(response.yaml)) if done.ok else done
 
 
-def _settings(driver: Driver, args: Mapping[str, Any]) -> CallResult:
+def _settings(driver: Driver, args: Args) -> CallResult:
     if not driver.offers("get_settings"):
         raise WrongRequest("this driver does not offer get_settings, which reads them")
     done = _told(_call(driver, "get_settings", "std_srvs/Trigger"))

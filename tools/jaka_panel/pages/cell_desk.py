@@ -11,7 +11,7 @@ from ..authority.rate_limiter import RateLimiter
 from ..cell.cell_store import CellStore, StaleRevision
 from ..cell.contents import EMPTY, LARGEST, CellData, Change, check_change
 from ..graph.calls import Calls
-from ..graph.requests import CallResult, whole
+from ..graph.requests import Args, CallResult, whole
 from .session import Session
 
 _LOG = logging.getLogger(__name__)
@@ -24,7 +24,6 @@ _LIMIT_S = 10.0
 _LOOK_S = 2.0
 _LARGEST_REVISION = 10 ** 12
 _TOO_OFTEN = "too many changes of the cell's data at once: try again"
-Args = Mapping[str, Any]
 
 
 class _Upload(NamedTuple):

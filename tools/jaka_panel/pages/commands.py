@@ -4,7 +4,7 @@ import functools
 import logging
 import threading
 import time
-from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
+from typing import Any, Awaitable, Callable, Dict, NamedTuple, Optional
 
 from ..cell.contents import SECTIONS, WrongCell
 from ..graph import motion_lists, trajectories
@@ -14,6 +14,7 @@ from ..graph.requests import (
     MOTION_S,
     REQUESTS,
     SHORT_S,
+    Args,
     CallResult,
     WrongRequest,
     number,
@@ -34,11 +35,10 @@ _LOG = logging.getLogger(__name__)
 _SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
 _SLOWEST_JOG = 0.01
 _TOO_COSTLY = "too many requests that are costly to answer"
-Args = Mapping[str, Any]
 Perform = Callable[[Hub, Session, Any, Args], Awaitable[CallResult]]
 
 
-class Command(NamedTuple):
+class PanelCommand(NamedTuple):
     """A command of a page.
 
     Attributes:
@@ -212,21 +212,23 @@ async def _teach(work: Callable[[Calls, Args], Awaitable[CallResult]], hub: Hub,
     return await work(hub.calls, args)
 
 
-def _of_cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], is_costly: bool = False) -> Command:
-    return Command(functools.partial(_cell, work, is_costly), needs_control=False, needs_arm=False)
+def _of_cell(work: Callable[[CellDesk, Session, Args], Awaitable[CallResult]], is_costly: bool = False) -> PanelCommand:
+    return PanelCommand(functools.partial(_cell, work, is_costly), needs_control=False, needs_arm=False)
 
 
-COMMANDS: Dict[str, Command] = {
-    **{name: Command(functools.partial(_service, name), request.needs_control) for name, request in REQUESTS.items()},
-    "set_output": Command(_set_output), "jog_speed": Command(_jog_speed, needs_arm=False),
-    "plan_points": Command(_plan_points), "plan_list": Command(_plan_list),
-    "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
-    "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False),
+COMMANDS: Dict[str, PanelCommand] = {
+    **{name: PanelCommand(functools.partial(_service, name), request.needs_control)
+       for name, request in REQUESTS.items()},
+    "set_output": PanelCommand(_set_output), "jog_speed": PanelCommand(_jog_speed, needs_arm=False),
+    "plan_points": PanelCommand(_plan_points), "plan_list": PanelCommand(_plan_list),
+    "plan_log": PanelCommand(_plan_log), "plan_run": PanelCommand(_plan_run),
+    "logs": PanelCommand(_logs, needs_control=False, needs_arm=False),
+    "sim": PanelCommand(_simulator, needs_control=False),
     "cell_change": _of_cell(CellDesk.change), "cell_upload": _of_cell(CellDesk.upload),
     "cell_restore": _of_cell(CellDesk.restore), "cell_versions": _of_cell(CellDesk.versions, is_costly=True),
     "cell_export": _of_cell(CellDesk.export, is_costly=True),
-    "present_pose": Command(_present_pose, needs_control=False),
-    "teach_user_frame": Command(functools.partial(_teach, teaching.teach_user_frame), needs_control=False,
+    "present_pose": PanelCommand(_present_pose, needs_control=False),
+    "teach_user_frame": PanelCommand(functools.partial(_teach, teaching.teach_user_frame), needs_control=False,
                                 needs_arm=False),
-    "teach_tool": Command(functools.partial(_teach, teaching.teach_tool), needs_control=False, needs_arm=False)}
+    "teach_tool": PanelCommand(functools.partial(_teach, teaching.teach_tool), needs_control=False, needs_arm=False)}
 """Commands by the name that pages use."""

@@ -1,9 +1,9 @@
 """The commands by which frames and tools are taught: the present pose, and what poses give."""
-from typing import Any, List, Mapping
+from typing import Any, List
 
 from ..graph.arm_pose import WAIT_S, resting_pose
 from ..graph.calls import Calls
-from ..graph.requests import CallResult, WrongRequest, numbers
+from ..graph.requests import Args, CallResult, WrongRequest, numbers
 from ..teach.tool_centre import tool_centre
 from ..teach.user_frame import CannotTeach, user_frame
 from .arm_desk import ArmDesk
@@ -11,7 +11,6 @@ from .arm_desk import ArmDesk
 _SLACK_S = 8.0
 _COMPUTE_S = 5.0
 _MOST = 20
-Args = Mapping[str, Any]
 
 
 async def present_pose(calls: Calls, desk: ArmDesk) -> CallResult:

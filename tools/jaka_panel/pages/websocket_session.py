@@ -26,7 +26,7 @@ _MOST_WAITING = 16
 _LONGEST_WHOLE = 18
 _WRONG_TOKEN_S = 0.5
 _POLICY, _TOO_MANY = 1008, 1013
-Message = Dict[str, Any]
+_Message = Dict[str, Any]
 
 
 class WebSocketSession:
@@ -35,13 +35,13 @@ class WebSocketSession:
     def __init__(self, hub: Hub, access: Access, page: Session) -> None:
         self._hub, self._access, self._page = hub, access, page
         self._is_refused_jog = -1
-        self._parts: Dict[str, Callable[[Message], None]] = {
+        self._parts: Dict[str, Callable[[_Message], None]] = {
             "ping": self._ping, "watch": self._watch, "jog": self._jog, "jog_stop": self._jog_stop,
             "stop": self._stop, "cmd": self._command, "history": self._history, "take_control": self._take_control,
             "answer_control": self._answer_control, "release_control": self._release_control,
             "cell": self._cell}
 
-    def hello(self, message: Message) -> None:
+    def hello(self, message: _Message) -> None:
         """Answer the first message."""
         page, given = self._page, message.get("token")
         page.call_it(message.get("name"))
@@ -52,7 +52,7 @@ class WebSocketSession:
         page.heard_at = time.monotonic()
         page.send(self._hub.welcome(page))
 
-    def take(self, message: Message) -> None:
+    def take(self, message: _Message) -> None:
         """Handle one message after hello; one that cannot be handled changes nothing."""
         part = self._parts.get(str(message.get("t")))
         try:
@@ -64,13 +64,13 @@ class WebSocketSession:
 
     # ---- watching ----
 
-    def _ping(self, message: Message) -> None:
+    def _ping(self, message: _Message) -> None:
         clock, now = _number(message.get("clock")), time.monotonic()
         if clock is not None:
             self._page.lateness.of(clock / 1000.0, now)
         self._page.send({"t": "pong", "clock": clock, "now": round(now, 4)})
 
-    def _watch(self, message: Message) -> None:
+    def _watch(self, message: _Message) -> None:
         arms, rate = message.get("arms"), _number(message.get("rate", 30))
         if not isinstance(arms, list) or rate is None:
             self._error("bad_message", "watch needs a list of arms and a rate")
@@ -82,10 +82,10 @@ class WebSocketSession:
                          message.get("plots") is True, min(30.0, max(1.0, rate)))
         self._hub.watch(self._page)
 
-    def _history(self, message: Message) -> None:
+    def _history(self, message: _Message) -> None:
         desk, what = self._hub.arms.get(str(message.get("arm"))), message.get("what")
         begin, end, buckets = _number(message.get("from")), _number(message.get("to")), message.get("buckets")
-        answer: Message = {"t": "history", "id": message.get("id"), "ok": False, "what": what}
+        answer: _Message = {"t": "history", "id": message.get("id"), "ok": False, "what": what}
         if desk is None or not isinstance(what, str) or what not in KINDS or begin is None or end is None or (
                 type(buckets) is not int or not 1 <= buckets <= MOST_BUCKETS or not -SECONDS <= begin < end <= 0.0):
             self._page.send({**answer, "message": "from and to: s, -%g to 0; buckets: 1 to %d; what: one of %s" % (
@@ -97,7 +97,7 @@ class WebSocketSession:
             return
         self._page.send({**answer, "ok": True, **desk.feed.history.shortened(what, now + begin, now + end, buckets)})
 
-    def _cell(self, message: Message) -> None:
+    def _cell(self, message: _Message) -> None:
         if self._page.costly.spend(time.monotonic()):
             self._page.send_text(self._hub.cell.told)
         else:
@@ -105,21 +105,21 @@ class WebSocketSession:
 
     # ---- control ----
 
-    def _take_control(self, message: Message) -> None:
+    def _take_control(self, message: _Message) -> None:
         if not self._may_command(message):
             return
         taken = self._hub.take_control(self._page)
         self._answer(message, taken, "" if taken else "the page that has control is asked", pending=not taken)
 
-    def _answer_control(self, message: Message) -> None:
+    def _answer_control(self, message: _Message) -> None:
         self._hub.answer_control(self._page, message.get("give") is True)
 
-    def _release_control(self, message: Message) -> None:
+    def _release_control(self, message: _Message) -> None:
         self._hub.release_control(self._page)
 
     # ---- jog and stop ----
 
-    def _jog(self, message: Message) -> None:
+    def _jog(self, message: _Message) -> None:
         page, hub = self._page, self._hub
         hold = message.get("hold")
         if hub.control.holder != page.id or not page.may_command or hub.is_closing:
@@ -136,12 +136,12 @@ class WebSocketSession:
         if beat.arm in hub.arms:
             hub.heartbeat(page, beat, page.lateness.of(beat.clock, time.monotonic()))
 
-    def _jog_stop(self, message: Message) -> None:
+    def _jog_stop(self, message: _Message) -> None:
         hold = message.get("hold")
         if type(hold) is int:
             self._hub.jog.stop(self._page.id, hold)
 
-    def _stop(self, message: Message) -> None:
+    def _stop(self, message: _Message) -> None:
         if not self._page.has_token:
             self._answer(message, False, "a stop needs the token")
             return
@@ -151,7 +151,7 @@ class WebSocketSession:
             return
         self._hub.spawn(self._stop_and_answer(message, arm))
 
-    async def _stop_and_answer(self, message: Message, arm: Optional[str]) -> None:
+    async def _stop_and_answer(self, message: _Message, arm: Optional[str]) -> None:
         begin = time.monotonic()
         error = await self._hub.stop(arm)
         now = time.monotonic()
@@ -159,7 +159,7 @@ class WebSocketSession:
 
     # ---- commands ----
 
-    def _command(self, message: Message) -> None:
+    def _command(self, message: _Message) -> None:
         command = COMMANDS.get(str(message.get("cmd")))
         if command is None:
             self._answer(message, False, "no such command")
@@ -174,7 +174,7 @@ class WebSocketSession:
         else:
             self._hub.spawn(self._perform(message))
 
-    async def _perform(self, message: Message) -> None:
+    async def _perform(self, message: _Message) -> None:
         self._page.waiting += 1
         begin = time.monotonic()
         try:
@@ -255,7 +255,7 @@ async def _listen(socket: web.WebSocketResponse, hub: Hub, session: WebSocketSes
     return ""
 
 
-def _object(received: Any) -> Optional[Message]:
+def _object(received: Any) -> Optional[_Message]:
     if received.type != WSMsgType.TEXT:
         return None
     try:

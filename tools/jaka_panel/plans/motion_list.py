@@ -20,9 +20,9 @@ _SAME_RAD = 0.02
 _LEAST_S = 0.1
 _STRAIGHT_M = 1e-4
 
-Joints = Sequence[float]
-Forward = Callable[[Joints], FramePose]
-Inverse = Callable[[FramePose, Joints], Joints]
+JointAngles = Sequence[float]
+Forward = Callable[[JointAngles], FramePose]
+Inverse = Callable[[FramePose, JointAngles], JointAngles]
 
 
 class ListMotion(NamedTuple):
@@ -39,7 +39,7 @@ class ListMotion(NamedTuple):
     """
 
     kind: int
-    joints: Joints
+    joints: JointAngles
     pose: FramePose
     via: Optional[FramePose]
     speed: float
@@ -59,7 +59,7 @@ class ListPart(NamedTuple):
         step: Number of its first step, from 1 on.
     """
 
-    begin: Joints
+    begin: JointAngles
     pose: FramePose
     segments: Tuple[ListMotion, ...]
     wait: float
@@ -78,7 +78,7 @@ class ListPlan(NamedTuple):
     """
 
     parts: Sequence[ListPart]
-    path: Sequence[Joints]
+    path: Sequence[JointAngles]
     time: Sequence[float]
     warnings: Sequence[str]
 
@@ -94,16 +94,16 @@ class ListPlan(NamedTuple):
 class _Planner:
     """The way of a list as far as it is planned."""
 
-    def __init__(self, begin: Joints, forward: Forward, inverse: Inverse) -> None:
+    def __init__(self, begin: JointAngles, forward: Forward, inverse: Inverse) -> None:
         self.forward, self.inverse = forward, inverse
         self.pose = forward(begin)
-        self.joints: Joints = list(begin)
-        self.path: List[Joints] = [self.joints]
+        self.joints: JointAngles = list(begin)
+        self.path: List[JointAngles] = [self.joints]
         self.time = [0.0]
         self.parts: List[ListPart] = []
         self.warnings: List[str] = []
         self._segments: List[ListMotion] = []
-        self._begin: Tuple[Joints, FramePose, int] = (self.joints, self.pose, 1)
+        self._begin: Tuple[JointAngles, FramePose, int] = (self.joints, self.pose, 1)
 
     def close(self, number: int) -> None:
         """End the path: what follows begins where the arm rests."""
@@ -124,7 +124,8 @@ class _Planner:
         self._begin = (self.joints, self.pose, number + 1)
         self._add(self.joints, wait)
 
-    def move(self, number: int, kind: int, joints: Joints, via: Optional[Joints], speed: float, blend: float) -> None:
+    def move(self, number: int, kind: int, joints: JointAngles, via: Optional[JointAngles], speed: float,
+             blend: float) -> None:
         """Add a motion to joints."""
         pose = self.forward(joints)
         between = None if via is None else self.forward(via)
@@ -150,12 +151,12 @@ class _Planner:
                                       _JOINT_ACCELERATION if kind == JOINT else _ACCELERATION, blend))
         self.joints, self.pose = list(joints), pose
 
-    def _add(self, joints: Joints, time: float) -> None:
+    def _add(self, joints: JointAngles, time: float) -> None:
         self.path.append(list(joints))
         self.time.append(self.time[-1] + time)
 
 
-def plan_list(steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[str, Any]], begin: Joints,
+def plan_list(steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[str, Any]], begin: JointAngles,
               limits: Optional[Sequence[Mapping[str, Any]]], forward: Forward, inverse: Inverse) -> ListPlan:
     """Plan a list from where the arm is; raise WrongPlan with the number of the step.
 
@@ -186,10 +187,10 @@ def plan_list(steps: Sequence[Mapping[str, Any]], points: Mapping[str, Mapping[s
 
 
 def _point(points: Mapping[str, Mapping[str, Any]], name: str, number: int,
-           limits: Optional[Sequence[Mapping[str, Any]]]) -> Joints:
+           limits: Optional[Sequence[Mapping[str, Any]]]) -> JointAngles:
     if name not in points:
         raise WrongPlan("step %d: there is no point %s" % (number, name))
-    joints: Joints = points[name]["q"]
+    joints: JointAngles = points[name]["q"]
     for joint, (limit, value) in enumerate(zip(limits or (), joints), 1):
         if not limit["lower"] <= value <= limit["upper"]:
             raise WrongPlan("step %d: joint %d of point %s is %.4f rad; it can go from %.4f to %.4f" % (

@@ -11,7 +11,7 @@ from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
 from ..scenario import IO_TOPIC, CauseKind
-from .sightings import Sighting, Sightings, Terminal, terminals_in
+from .sightings import Sighting, Sightings, TerminalKey, terminals_in
 
 _HIT_N = 300
 """Force of a hit in place of one that a log has not: it stops an arm at every collision level."""
@@ -43,7 +43,7 @@ class CellHistory(NamedTuple):
 
     sightings: Tuple[Sighting, ...]
     doings: Tuple[Doing, ...]
-    begins_with: Dict[str, Dict[Terminal, int]]
+    begins_with: Dict[str, Dict[TerminalKey, int]]
     notes: Tuple[str, ...]
 
 
@@ -56,7 +56,7 @@ class _Reader:
         self._states: Dict[str, Mapping[str, int]] = {}
         self.sightings: List[Sighting] = []
         self.doings: List[Doing] = []
-        self.begins_with: Dict[str, Dict[Terminal, int]] = {}
+        self.begins_with: Dict[str, Dict[TerminalKey, int]] = {}
         self.notes: List[str] = []
 
     def wants(self, topic: str) -> bool:
@@ -80,7 +80,7 @@ class _Reader:
         elif connection.topic.endswith("/joint_position"):
             self.sightings += seen.joints(message["position"], at)
 
-    def _take_terminals(self, arm: str, seen: Sightings, levels: Dict[Terminal, int], at: float) -> None:
+    def _take_terminals(self, arm: str, seen: Sightings, levels: Dict[TerminalKey, int], at: float) -> None:
         self.begins_with.setdefault(arm, levels)
         found = seen.terminals(levels, at)
         self.sightings += found

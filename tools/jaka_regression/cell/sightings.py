@@ -11,7 +11,7 @@ motions it does: the driver answers when it has seen rest, 0.1 s or more in all.
 READS = "get_"
 """The begin of the names of services that only read, which nodes call again and again to wait for something."""
 
-Terminal = Tuple[CauseKind, str, int]
+TerminalKey = Tuple[CauseKind, str, int]
 """OUTPUT or INPUT, bank and index of a digital terminal."""
 
 
@@ -27,9 +27,9 @@ class Sighting(NamedTuple):
     at: float
 
 
-def terminals_in(message: Mapping[str, Mapping[str, Sequence[bool]]]) -> Dict[Terminal, int]:
+def terminals_in(message: Mapping[str, Mapping[str, Sequence[bool]]]) -> Dict[TerminalKey, int]:
     """Return the levels, 0 or 1, of the digital terminals in a message of ``~io_states`` as data."""
-    levels: Dict[Terminal, int] = {}
+    levels: Dict[TerminalKey, int] = {}
     for bank in BANKS:
         for kind, name in ((CauseKind.OUTPUT, "digital_outputs"), (CauseKind.INPUT, "digital_inputs")):
             for index, level in enumerate(message.get(bank, {}).get(name, ())):
@@ -83,7 +83,7 @@ class Sightings:
         levels: Levels of the digital terminals now; None before the first message.
     """
 
-    def __init__(self, arm: str, levels: Optional[Dict[Terminal, int]] = None) -> None:
+    def __init__(self, arm: str, levels: Optional[Dict[TerminalKey, int]] = None) -> None:
         self._arm = arm
         self._counts: Dict[Tuple[CauseKind, Tuple[object, ...]], int] = {}
         self._motion = _Motion()
@@ -94,7 +94,7 @@ class Sightings:
         """True while the arm moves."""
         return self._motion.is_moving
 
-    def terminals(self, levels: Dict[Terminal, int], at: float) -> List[Sighting]:
+    def terminals(self, levels: Dict[TerminalKey, int], at: float) -> List[Sighting]:
         """Take the levels of all terminals."""
         before = levels if self.levels is None else self.levels
         self.levels = levels

@@ -51,8 +51,8 @@ class Now(NamedTuple):
 
 
 T = TypeVar("T")
-Step = Union[Ask, SendAhead, Until, Now]
-Procedure = Generator[Step, Any, Any]
+_Step = Union[Ask, SendAhead, Until, Now]
+Procedure = Generator[_Step, Any, Any]
 """A procedure: what its steps send it, and what it returns, differs from step to step and from one to the next."""
 OnEnd = Callable[[object, Optional[JakaError], float], None]
 
@@ -148,7 +148,7 @@ class Running:
         if error is not None:
             self.throw(error, now)
 
-    def _resume(self, step: Callable[[], Step], now: float) -> None:
+    def _resume(self, step: Callable[[], _Step], now: float) -> None:
         try:
             while True:
                 wanted = step()
@@ -183,7 +183,7 @@ def pause(seconds: float) -> Until:
     return Until(lambda now: False, seconds)
 
 
-def in_slices(looks: Looks[T], check: Callable[[], None]) -> Generator[Step, object, T]:
+def in_slices(looks: Looks[T], check: Callable[[], None]) -> Generator[_Step, object, T]:
     """Run a look of the motion guard to its end, in slices of some ms between which the core takes other events.
 
     ``check`` is called after each slice; what it raises ends the look.

@@ -12,7 +12,7 @@ from ..tolerances import Tolerances
 from . import defects, streams
 from .editing import read_log, write_log
 
-DEFECTS: Dict[str, defects.Defect] = {**defects.DEFECTS, **streams.DEFECTS}
+DEFECTS: Dict[str, defects.PlantedDefect] = {**defects.DEFECTS, **streams.DEFECTS}
 REASONS: Dict[str, str] = {
     "tool: 5 mm off where a stop left the arm": "timing.cut_ms allows for a stop that comes sooner or later",
     "tool: z off by 2 mm in one motion": "along the path an offset is a time: timing.jitter_ms and stale_ms allow it",

@@ -45,11 +45,11 @@ class Golden(NamedTuple):
         return 0.5 * (self.motions[0][0] if self.motions else self.log.duration)
 
 
-Defect = Callable[[Golden], Optional[EditableLog]]
+PlantedDefect = Callable[[Golden], Optional[EditableLog]]
 
 
 def edit(datatype: str, change: Callable[[Value, float], None],
-         span: Callable[[Golden], Optional[Tuple[float, float]]] = lambda golden: (-1.0, 1e12)) -> Defect:
+         span: Callable[[Golden], Optional[Tuple[float, float]]] = lambda golden: (-1.0, 1e12)) -> PlantedDefect:
     """Return a defect that changes the messages of a type's first topic, those within a span of time, s."""
     def plant(golden: Golden) -> Optional[EditableLog]:
         topic, times = golden.log.first_topic_of(datatype), span(golden)
@@ -72,12 +72,12 @@ def _after_a_stop(golden: Golden) -> Optional[Tuple[float, float]]:
     return begin + 0.3, min(end, begin + 0.8)
 
 
-def _moving(defect: Defect) -> Defect:
+def _moving(defect: PlantedDefect) -> PlantedDefect:
     """Return a defect that shows only in a log in which something moves."""
     return lambda golden: defect(golden) if golden.motions else None
 
 
-def _stale(datatype: str, names: Sequence[str], delay_s: float) -> Defect:
+def _stale(datatype: str, names: Sequence[str], delay_s: float) -> PlantedDefect:
     """Return a defect that gives each message the fields of one ``delay_s`` before it, under its own stamp."""
     def plant(golden: Golden) -> Optional[EditableLog]:
         topic = golden.log.first_topic_of(datatype)
@@ -94,7 +94,7 @@ def _stale(datatype: str, names: Sequence[str], delay_s: float) -> Defect:
     return _moving(plant)
 
 
-def _frozen(datatype: str, names: Sequence[str], length: float) -> Defect:
+def _frozen(datatype: str, names: Sequence[str], length: float) -> PlantedDefect:
     def plant(golden: Golden) -> Optional[EditableLog]:
         topic = golden.log.first_topic_of(datatype)
         if topic is None or golden.middle is None:
@@ -173,18 +173,18 @@ def _set(name: str, state: int) -> Callable[[Value, float], None]:
     return apply
 
 
-def _instead_of_running(state: int) -> Defect:
+def _instead_of_running(state: int) -> PlantedDefect:
     def change(value: Value, _now: float) -> None:
         if value["motion_state"] == MotionState.RUNNING:
             value["motion_state"] = state
     return _moving(edit(STATE_TYPE, change))
 
 
-def _late_states(delay_s: float) -> Defect:
+def _late_states(delay_s: float) -> PlantedDefect:
     return _stale(STATE_TYPE, ("motion_state", "power_state", "servo_state", "collision_state"), delay_s)
 
 
-def _call(change: Callable[[Value], None], wanted: Callable[[Value], bool] = lambda value: True) -> Defect:
+def _call(change: Callable[[Value], None], wanted: Callable[[Value], bool] = lambda value: True) -> PlantedDefect:
     """Return a defect of the last call that is wanted."""
     def plant(golden: Golden) -> Optional[EditableLog]:
         log = golden.log
@@ -258,7 +258,7 @@ def _other_ret(value: Value) -> None:
 
 
 _POSE = ("twist",)
-DEFECTS: Dict[str, Defect] = {
+DEFECTS: Dict[str, PlantedDefect] = {
     "tool: x off by 1 mm": edit(TWIST_TYPE, _place("x", lambda one, now: one + 0.001)),
     "tool: z off by 2 mm in one motion": edit(TWIST_TYPE, _place("z", lambda one, now: one + 0.002), _in_motion(0.4)),
     "tool: mm for m": edit(TWIST_TYPE, _scale_place),

@@ -3,7 +3,7 @@ from typing import Callable, Dict, List, Optional
 
 from ...messages.value_writer import in_ns, time_of
 from ...operations.tool_poses import TWIST_TYPE
-from .defects import JOINT_TYPE, Defect, Golden, edit
+from .defects import JOINT_TYPE, Golden, PlantedDefect, edit
 from .editing import EditableLog, Item, Value
 
 _WAIT_S = 0.5
@@ -20,7 +20,7 @@ def _only(golden: Golden, keep: Callable[[int, Item], bool]) -> EditableLog:
     return golden.log.with_items(items).numbered()
 
 
-def _dropping(datatype: str, keep: Callable[[Golden, int, float], bool]) -> Defect:
+def _dropping(datatype: str, keep: Callable[[Golden, int, float], bool]) -> PlantedDefect:
     """Return a defect that drops messages of a type's first topic; ``keep`` gets number and time, s, of each."""
     def plant(golden: Golden) -> Optional[EditableLog]:
         topic = golden.log.first_topic_of(datatype)
@@ -49,7 +49,7 @@ def _bursts(golden: Golden) -> Optional[EditableLog]:
                                   for item in golden.log.items])
 
 
-def _stamps(change: Callable[[int], int]) -> Defect:
+def _stamps(change: Callable[[int], int]) -> PlantedDefect:
     """Return a defect of the stamps of the tool poses, ns."""
     def apply(value: Value, _now: float) -> None:
         value["header"]["stamp"] = time_of(change(in_ns(value["header"]["stamp"])))
@@ -95,7 +95,7 @@ def _wait_added(golden: Golden) -> Optional[EditableLog]:
     return None if begin is None else golden.log.retimed(lambda now: _WAIT_S if now >= begin else 0.0)
 
 
-DEFECTS: Dict[str, Defect] = {
+DEFECTS: Dict[str, PlantedDefect] = {
     "stamps: 50 ms old": _stamps(lambda stamp: stamp - 50_000_000),
     "stamps: all 0": _stamps(lambda stamp: 0),
     "stamps: of four messages each the same": _stamps(lambda stamp: stamp // 32_000_000 * 32_000_000),

@@ -10,7 +10,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, 
 import numpy as np
 
 from ...messages.batch import Array
-from ..runs.run import Call, LongTrack, Run, Window, arm_of
+from ..runs.run import Call, LongTrack, Run, TimeWindow, arm_of
 from .course import Decision
 from .motion_fit import COMMON_MOTIONS, Motions, sampled, search, search_common
 from .sequences import Entry, pair
@@ -106,10 +106,10 @@ class Alignment:
 Spans = Sequence[Tuple[float, float]]
 
 
-def motions_by_calls(motions: Sequence[Window], calls: Sequence[Call]) -> List[Window]:
+def motions_by_calls(motions: Sequence[TimeWindow], calls: Sequence[Call]) -> List[TimeWindow]:
     """Split a golden arm's motions, (start, end) in s, where a further call begins one, and long ones."""
     starts = np.array([call.start for call in calls if call.short_name not in _STREAM_SERVICES])
-    result: List[Window] = []
+    result: List[TimeWindow] = []
     for start_time, end_time in motions:
         cuts = [start_time]
         first, last = np.searchsorted(starts, (start_time + _SPLIT_S, end_time - _SPLIT_S), "right")
@@ -196,7 +196,7 @@ class Arm(NamedTuple):
 
     golden: LongTrack
     candidate: LongTrack
-    spans: List[Window]
+    spans: List[TimeWindow]
     calls: List[Call]
 
 
@@ -239,7 +239,7 @@ class Aligner:
                  fit_ends: Optional[Dict[str, Spans]] = None, good_fit: Optional[Decision] = None) -> None:
         self._arms = arms
         self._good_fit = good_fit or Decision(_GOOD_FIT_RAD)
-        self._edges: Dict[str, List[Window]] = {}
+        self._edges: Dict[str, List[TimeWindow]] = {}
         self._around: Dict[str, Array] = {}
         self._waiting: Dict[str, List[slice]] = {}
         self._samples = 0
@@ -292,7 +292,7 @@ def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[
     return aligner.alignment
 
 
-def _fitted(spans: Spans, ends: Dict[float, float]) -> List[Window]:
+def _fitted(spans: Spans, ends: Dict[float, float]) -> List[TimeWindow]:
     """Return the part of each motion that is fitted, golden times in s."""
     return [(start - _MARGIN_S, max(min(end + _MARGIN_S, ends.get(start, end)), start + 0.1)) for start, end in spans]
 

@@ -5,7 +5,7 @@ from typing import List, NamedTuple, Sequence, Tuple, Union
 import numpy as np
 
 from ...messages.batch import Array
-from ..runs.run import LongTrack, Window
+from ..runs.run import LongTrack, TimeWindow
 from .course import Decision
 from .curve_distance import interpolated
 
@@ -39,7 +39,7 @@ class Curve:
             at the ends of the track.
     """
 
-    def __init__(self, track: LongTrack, windows: Sequence[Window]) -> None:
+    def __init__(self, track: LongTrack, windows: Sequence[TimeWindow]) -> None:
         reach = track.facts.reach
         times: List[Array] = []
         pieces: List[Array] = []
@@ -58,9 +58,9 @@ class Curve:
         return both[..., :joints], both[..., joints:]
 
 
-def _joined(windows: Sequence[Window]) -> List[Window]:
+def _joined(windows: Sequence[TimeWindow]) -> List[TimeWindow]:
     """Return the windows in the order of time, with those near each other joined."""
-    result: List[Window] = []
+    result: List[TimeWindow] = []
     for begin, end in sorted(windows):
         if result and begin <= result[-1][1] + _NEAR_S:
             result[-1] = (result[-1][0], max(end, result[-1][1]))
@@ -108,7 +108,7 @@ class Fits(NamedTuple):
     rms: Array
 
 
-def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[Window], samples: int, around: Array,
+def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[TimeWindow], samples: int, around: Array,
             reach_s: float) -> Motions:
     """Sample motions between golden times (start, end), s; seek the candidate's near the lags ``around``, s."""
     part = np.linspace(0.0, 1.0, samples)

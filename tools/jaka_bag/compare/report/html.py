@@ -73,7 +73,7 @@ _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">go
 <span class="band">allowed</span><span class="mark">worst moment</span></p>"""
 
 
-Section = Tuple[str, str, str]
+_Section = Tuple[str, str, str]
 """Anchor, heading and content of a part of a page, HTML."""
 
 
@@ -86,13 +86,13 @@ def page(title: str, body: str, more_style: str = "") -> str:
             % (escape(title), _STYLE + more_style, body))
 
 
-def contents_of(sections: Sequence[Section]) -> str:
+def contents_of(sections: Sequence[_Section]) -> str:
     """Return links to the sections, HTML."""
     links = "".join('<li><a href="#%s">%s</a></li>' % (anchor, heading) for anchor, heading, _ in sections)
     return '<nav aria-label="Sections"><ul>%s</ul></nav>' % links
 
 
-def body_of(sections: Sequence[Section]) -> str:
+def body_of(sections: Sequence[_Section]) -> str:
     """Return the sections below one another, HTML."""
     return "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
 

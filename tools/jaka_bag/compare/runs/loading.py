@@ -26,7 +26,7 @@ from ...paths import PathLike
 from ...units import NS_PER_S
 from ..tolerances import Tolerances
 from .contents import AGE, NUMBERS, TRANSFORM_TYPES, Collector, Splitter, as_bytes, by_bytes, whole_numbers
-from .publishers import Part, Publishers, by_length, main_one, matrix, name_of, publishers_of, spread, text_of
+from .publishers import PartRows, Publishers, by_length, main_one, matrix, name_of, publishers_of, spread, text_of
 from .run import Arrivals, Call, LongTrack, Run, Stream, Track
 from .track_facts import FactsBuilder, StateChanges
 from .windows import LogWindows, Rows, TrackKey, samples_of
@@ -248,7 +248,7 @@ class _Loader:
         stamp = None if stamps is None else self._seconds(stamps)
         arrivals = Arrivals(log_time, stamp, None if sequence is None or sequence.dtype == object
                             else sequence.astype(np.int64))
-        values: Dict[str, Part] = {}
+        values: Dict[str, PartRows] = {}
         kind = self._kind(topic)
         them = self._publishers(topic, columns) if kind == JOINT_STATE else None
         for name in self._tolerances.fields.get(topic, ()):
@@ -279,7 +279,7 @@ class _Loader:
         return Rows(arrivals, log_time if stamp is None else stamp, values)
 
     def _add_contents(self, topic: str, columns: Columns, time: Array,
-                      values: Dict[str, Part], them: Optional[Publishers]) -> None:
+                      values: Dict[str, PartRows], them: Optional[Publishers]) -> None:
         """Add the numbers of fields that nothing else compares to ``values``, the other fields to the scan."""
         kind, reader = self._kind(topic), self._columns
         assert reader is not None
@@ -321,7 +321,8 @@ class _Loader:
                 known[length] = known.get(length, 0) + count
         return value, rows
 
-    def _further_field(self, topic: str, columns: Columns, name: str, them: Optional[Publishers]) -> Dict[str, Part]:
+    def _further_field(self, topic: str, columns: Columns, name: str,
+                       them: Optional[Publishers]) -> Dict[str, PartRows]:
         """Return the tracks of a field that has a tolerance of its own, by name."""
         column = columns.fields.get(name)
         if column is None or column.dtype.kind not in "biufO" or column.dtype == object and not is_ragged(column):
@@ -357,9 +358,9 @@ class _Loader:
                 known[label] = known.get(label, 0) + count
         return them
 
-    def _joints(self, topic: str, them: Publishers, position: Array) -> Dict[str, Part]:
+    def _joints(self, topic: str, them: Publishers, position: Array) -> Dict[str, PartRows]:
         """Return the positions of each publisher by the name of its track: empty for that of the topic's own joints."""
-        found: Dict[str, Part] = {}
+        found: Dict[str, PartRows] = {}
         for place, label in enumerate(them.labels):
             rows = them.rows(place)
             some = position if rows is None else position[rows]
@@ -371,9 +372,9 @@ class _Loader:
                 self._assumed.lengths[topic, name] = value.shape[1]
         return found
 
-    def _by_publisher(self, topic: str, them: Publishers, name: str, column: Array) -> Dict[str, Part]:
+    def _by_publisher(self, topic: str, them: Publishers, name: str, column: Array) -> Dict[str, PartRows]:
         """Return a field beside joints, one track for each publisher, and for each length that its arrays have."""
-        found: Dict[str, Part] = {}
+        found: Dict[str, PartRows] = {}
         usual = self._usual.setdefault(topic, {})
         for place, label in enumerate(them.labels):
             rows = them.rows(place)

@@ -5,7 +5,7 @@ import numpy as np
 
 from ...messages.batch import Array
 
-Part = Tuple[Array, Optional[Array]]
+PartRows = Tuple[Array, Optional[Array]]
 """Values of messages, shape (n, columns), and the rows that count (None: all)."""
 _LEAST_SHARE = 0.1
 _OF = " (of "
@@ -93,13 +93,13 @@ def spread(rows: Array, which: Array, count: int) -> Tuple[Array, Array]:
     return value, which
 
 
-def by_length(column: Array) -> Dict[int, Part]:
+def by_length(column: Array) -> Dict[int, PartRows]:
     """Return the values of a field by the lengths of its arrays; an array without values has none."""
     if column.dtype != object:
         rows = column.reshape(len(column), -1).astype(float)
         return {rows.shape[1]: (rows, None)} if rows.shape[1] else {}
     lengths = np.array([len(row) for row in column], np.int64)
-    found: Dict[int, Part] = {}
+    found: Dict[int, PartRows] = {}
     for length in np.unique(lengths[lengths > 0]).tolist():
         which = np.flatnonzero(lengths == length)
         found[length] = spread(np.stack([column[i] for i in which.tolist()]).astype(float), which, len(column))

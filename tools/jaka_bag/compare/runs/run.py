@@ -11,7 +11,7 @@ from ...driver_interface import plain_request
 from ...messages.batch import Array
 from .call_text import as_typed
 
-Window = Tuple[float, float]
+TimeWindow = Tuple[float, float]
 """Time span from a time, s, up to but without another."""
 
 
@@ -111,7 +111,7 @@ class TrackFacts:
     step: float
     rhythm: float
     reach: int
-    motions: Tuple[Window, ...]
+    motions: Tuple[TimeWindow, ...]
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class LongTrack:
     topic: str
     names: Tuple[str, ...]
     facts: TrackFacts
-    windows: Tuple[Window, ...]
+    windows: Tuple[TimeWindow, ...]
     between: Callable[[float, float], Track]
     frames: Tuple[str, ...] = ()
 
@@ -291,7 +291,7 @@ class Run:
     contents: Dict[str, Contents] = field(default_factory=dict)
     ignored: Tuple[str, ...] = ()
     calls: Tuple[Call, ...] = ()
-    windows: Tuple[Window, ...] = ()
+    windows: Tuple[TimeWindow, ...] = ()
 
     @property
     def arms(self) -> List[str]:

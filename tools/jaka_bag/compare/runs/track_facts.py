@@ -5,7 +5,7 @@ import numpy as np
 
 from ...messages.batch import Array
 from ...operations.quantiles import Quantiles
-from .run import TrackFacts, Window
+from .run import TimeWindow, TrackFacts
 
 MOVING_RAD_S = 0.005
 """A joint faster than this moves, rad/s."""
@@ -32,7 +32,7 @@ class SpanFinder:
         self._reach = reach
         self._time = np.zeros(0)
         self._value = np.zeros((0, 0))
-        self._found: List[Window] = []
+        self._found: List[TimeWindow] = []
         self._start: Optional[float] = None
         self._end = 0.0
         self._low = self._high = self._gap_low = self._gap_high = np.zeros(0)
@@ -75,7 +75,7 @@ class SpanFinder:
             self._found.append((self._start, self._end))
         self._start = None
 
-    def motions(self) -> Tuple[Window, ...]:
+    def motions(self) -> Tuple[TimeWindow, ...]:
         """Return (start, end) of each motion, s; call it once, after the last sample."""
         self._close()
         return tuple(self._found)

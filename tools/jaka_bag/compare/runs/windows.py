@@ -12,7 +12,7 @@ import numpy as np
 
 from ... import allocator
 from ...messages.batch import Array
-from .run import Arrivals, Track, Window, joined
+from .run import Arrivals, TimeWindow, Track, joined
 
 _CELL_S = 16.0
 """Time step, s, of the record of which parts of a log hold samples."""
@@ -92,7 +92,7 @@ class LogWindows:
         kept_bytes: Rows up to this size are kept for the next window.
     """
 
-    def __init__(self, decode: Callable[[int], Dict[str, Rows]], spans: Sequence[Window],
+    def __init__(self, decode: Callable[[int], Dict[str, Rows]], spans: Sequence[TimeWindow],
                  kept_bytes: Optional[int] = None) -> None:
         self._decode = decode
         self._spans = np.array(spans, float).reshape(-1, 2)
@@ -148,7 +148,7 @@ class LogWindows:
                 known.setdefault(cell, set()).add(number)
                 self._counts[cell] = self._counts.get(cell, 0) + count
 
-    def windows(self) -> Tuple[Window, ...]:
+    def windows(self) -> Tuple[TimeWindow, ...]:
         """Return windows that cover all time, each of a bounded number of messages; the outer ones are open."""
         edges = [-np.inf]
         rows = 0
