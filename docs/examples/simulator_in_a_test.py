@@ -54,8 +54,8 @@ def test_the_arm_arrives(arm, controller):
 
 
 def test_a_collision_ends_the_move_and_is_named(arm, controller):
-    # The panel is what a person at the arm can do: here somebody pushes against it, after half a second.
-    threading.Timer(0.5, lambda: controller.panel("hit", force=150.0)).start()
+    # The operator port is what a person at the arm can do: here somebody pushes against it, after half a second.
+    threading.Timer(0.5, lambda: controller.operate("hit", force=150.0)).start()
     with pytest.raises(MotionInterrupted) as caught:
         move(arm, FAR)
     assert caught.value.cause is StopCause.PROTECTIVE_STOP

@@ -41,8 +41,8 @@ def main(argv: Optional[List[str]] = None) -> int:
 def _serve(arguments: List[str]) -> int:
     options = _serving_parser().parse_args(arguments)
     settings = vars(options)
-    if settings["panel_port"] < 0:
-        settings["panel_port"] = None
+    if settings["operator_port"] < 0:
+        settings["operator_port"] = None
     raise_priority(settings.pop("realtime"))
     if options.host not in (LOOPBACK, "localhost"):
         print("jaka_sim: warning: listening on %s: everybody who reaches this address can drive the simulated arm"
@@ -52,7 +52,7 @@ def _serve(arguments: List[str]) -> int:
         path = settings.pop("begin_with")
         arm = SimulatedController(**settings, beginning=Beginning.from_file(path) if path else None)
         stop_on_signals(arm.stop)
-        print_ports({**arm.server.port_numbers, "panel": arm.panel_port})
+        print_ports({**arm.server.port_numbers, "panel": arm.operator_port})
         arm.run()
     except (JakaError, OSError) as error:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
@@ -101,6 +101,7 @@ def _serving_parser() -> argparse.ArgumentParser:
             ("command", PORT_NUMBERS["command"], "commands"), ("status", PORT_NUMBERS["status"], "status feed"),
             ("poll", PORT_NUMBERS["poll"], "polled status"), ("panel", 0, "operator port, -1 for none")):
         parser.add_argument("--%s-port" % port, type=port_number(-1 if port == "panel" else 0), default=default,
+                            dest="%s_port" % ("operator" if port == "panel" else port),
                             metavar="N", help="%s; 0 for a free port, default %d" % (text, default))
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
                         help="simulated seconds a wall second, default 1")

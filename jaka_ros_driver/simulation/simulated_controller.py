@@ -4,7 +4,7 @@
 
     with SimulatedController(model="zu7", time_scale=20.0, start="enabled") as arm:
         connect(arm.command_port, arm.status_port)
-        arm.panel("hit", force=150.0)
+        arm.operate("hit", force=150.0)
 """
 import dataclasses
 import math
@@ -39,11 +39,11 @@ class SimulatedController:
     """A simulated controller: it listens as soon as it is made, and serves inside ``with``, or from start to close.
 
     Attributes:
-        server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or
-            ``server.call``.
+        server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``operate``
+            or ``server.call``.
         dialect: Its choices on the points that are open.
         command_port: Number of its TCP port, as status_port and poll_port.
-        panel_port: Number of the operator port; None where it has none.
+        operator_port: Number of the operator port; None where it has none.
     """
 
     def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
@@ -51,9 +51,10 @@ class SimulatedController:
                  power_delay: Optional[float] = None, enable_delay: Optional[float] = None,
                  starvation: Optional[str] = None, single_client: Optional[str] = None, seed: int = 0,
                  log: Optional[str] = None, host: str = LOOPBACK, command_port: int = 0, status_port: int = 0,
-                 poll_port: int = 0, panel_port: Optional[int] = 0, identity: Optional[str] = None,
+                 poll_port: int = 0, operator_port: Optional[int] = 0, identity: Optional[str] = None,
                  io_index_base: Optional[int] = None, force_sensor: bool = False,
-                 beginning: Optional[Beginning] = None, stop_deceleration: Optional[float] = None) -> None:
+                 beginning: Optional[Beginning] = None, stop_deceleration: Optional[float] = None,
+                 panel_port: Optional[int] = 0) -> None:
         """Listen on the ports.
 
         Args:
@@ -73,13 +74,14 @@ class SimulatedController:
             command_port: TCP port, 0 for a free one.
             status_port: As command_port.
             poll_port: As command_port.
-            panel_port: As command_port, for the operator port, on loopback; None for none.
+            operator_port: As command_port, for the operator port, on loopback; None for none.
             identity: Answer to ``get_simulator_identity``; None for a unique text.
             io_index_base: Instead of the dialect's: index of the first terminal in commands, 0 or 1.
             force_sensor: True for a force and torque sensor at the flange.
             beginning: Joints, tool, user frame, load and terminals at the start; None for the usual ones.
             stop_deceleration: Of joint 6 in a stop, rad/s2, which scales those of all joints; None, and what is more
                 than the model allows: as the model allows.
+            panel_port: The former name of operator_port, which it replaces where it is not 0.
 
         Raises:
             InvalidCommand: A value is not one of those above.
@@ -108,8 +110,9 @@ class SimulatedController:
         begun.apply(controller.state)
         self._log = WireLog(log) if log else None
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
-        if panel_port is not None:
-            ports[OPERATOR] = panel_port
+        number = operator_port if panel_port == 0 else panel_port
+        if number is not None:
+            ports[OPERATOR] = number
         self._thread: Optional[threading.Thread] = None
         try:
             self.server = ControllerServer(
@@ -120,9 +123,14 @@ class SimulatedController:
             raise
         numbers = self.server.port_numbers
         self.command_port, self.status_port, self.poll_port = (numbers[port] for port in PORTS)
-        self.panel_port = numbers.get(OPERATOR)
+        self.operator_port = numbers.get(OPERATOR)
 
-    def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
+    @property
+    def panel_port(self) -> Optional[int]:
+        """The former name of ``operator_port``."""
+        return self.operator_port
+
+    def operate(self, action: str, **parameters: Any) -> Dict[str, Any]:
         """Carry out one action of the operator port.
 
         Raises:
@@ -135,9 +143,12 @@ class SimulatedController:
             raise InvalidCommand("operator port: %s" % answer["error"])
         return answer
 
+    panel = operate
+    """The former name of ``operate``."""
+
     def state(self) -> Dict[str, Any]:
         """Return the true state of the arm, in wire units; see the operator port's action ``state``."""
-        shown: Dict[str, Any] = self.panel("state")["state"]
+        shown: Dict[str, Any] = self.operate("state")["state"]
         return shown
 
     def run(self) -> None:

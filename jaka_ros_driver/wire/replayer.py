@@ -82,7 +82,7 @@ class SessionReplayer(PortServer):
     """The server of a recorded controller's ports.
 
     Args:
-        script: The recorded session. It can be played once.
+        session: The recorded session. It can be played once.
         speed: Factor by which it is played faster than recorded.
         ports: TCP port by name, 0 for a free one.
         notice: Called with "begin" and with "end", and with the facts of that moment as keywords.
@@ -92,16 +92,16 @@ class SessionReplayer(PortServer):
         port_numbers: TCP port by name.
     """
 
-    def __init__(self, script: RecordedSession, speed: float, ports: Dict[str, int],
+    def __init__(self, session: RecordedSession, speed: float, ports: Dict[str, int],
                  notice: Callable[..., None], patience_s: float = PATIENCE_S) -> None:
         self._patience_s = patience_s
-        self._script = script
+        self._script = session
         self._speed = speed
         self._notice = notice
         self._clients: Dict[socket.socket, _Client] = {}
-        self._coming = {port: deque(script.connections[port]) for port in PORTS}
+        self._coming = {port: deque(session.connections[port]) for port in PORTS}
         self._begin: Optional[float] = None
-        self._causes = list(script.causes)
+        self._causes = list(session.causes)
         self._held = 0.0
         self._latest_shift = 0.0
         self._held_since: Optional[float] = None
@@ -257,7 +257,7 @@ def _print(event: str, **facts: Any) -> None:
 
 
 def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="wire_player", description="Plays a wire log to a driver.")
+    parser = argparse.ArgumentParser(prog="replayer", description="Plays a wire log to a driver.")
     parser.add_argument("log", metavar="LOG.mcap", help="of jaka_sim --log or jaka_sim proxy")
     parser.add_argument("--speed", type=float, default=1.0, metavar="N", help="N times faster, default 1")
     parser.add_argument("--patience", type=float, default=PATIENCE_S, metavar="S",
@@ -274,17 +274,17 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return 0 when a signal ended it, 1 when it failed, 2 for wrong usage."""
     options = _arguments(argv)
     try:
-        script = recorded_session(read_log(options.log))
+        session = recorded_session(read_log(options.log))
         offset = clock_offset_ns(options.log)
         numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
-        player = SessionReplayer(script, options.speed, numbers, _print, options.patience)
-        stop_on_signals(player.stop)
+        replayer = SessionReplayer(session, options.speed, numbers, _print, options.patience)
+        stop_on_signals(replayer.stop)
         raise_priority(False)
-        print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,
+        print_ports(replayer.port_numbers, duration_s=session.duration, start_ns=session.start_ns,
                     realtime_minus_monotonic_ns=offset)
-        player.run()
+        replayer.run()
     except (JakaError, OSError) as error:
-        print("wire_player: error: %s" % error, file=sys.stderr)
+        print("replayer: error: %s" % error, file=sys.stderr)
         return 1
     return 0
 

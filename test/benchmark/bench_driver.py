@@ -122,7 +122,7 @@ def measure_latency(arm):
 
 def measure_stops(arm):
     """Return when stop_move was called during blocking moves, replies delayed by 50 ms, and how long the calls took."""
-    arm.simulator.panel("fault", kind="delay", port="command", count=None, delay_ms=50)
+    arm.simulator.operate("fault", kind="delay", port="command", count=None, delay_ms=50)
     calls, pending = [], []
     for index in range(STOPS):
         goal = [1.5 if index % 2 else -1.5] + HOME[1:]
@@ -136,7 +136,7 @@ def measure_stops(arm):
         pending.append(time.monotonic() - called)
         assert reply.ret == 0 and "stopped" in reply.message, reply
         assert eventually(lambda: not arm.simulator.is_moving())
-    arm.simulator.panel("clear_faults")
+    arm.simulator.operate("clear_faults")
     arm.go_home()
     return calls, pending
 

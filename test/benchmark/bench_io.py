@@ -47,7 +47,7 @@ def edge(live, edges, n):
     """Return (when the input was set, when the message came, its stamp), s."""
     time.sleep(random.uniform(*PAUSE_S))
     wanted, seen = n % 2 == 0, len(edges)
-    live.arm.simulator.panel("set_input", index=7, value=int(wanted))
+    live.arm.simulator.operate("set_input", index=7, value=int(wanted))
     set_at = rospy.get_time()
     limit = set_at + PATIENCE_S
     while rospy.get_time() < limit:

@@ -89,9 +89,9 @@ class Hand:
 def why(hand):
     """Read why the arm stands: the emergency stop was pressed and released again."""
     simulator = hand.operator.live.simulator
-    simulator.panel("press_emergency_stop")
+    simulator.operate("press_emergency_stop")
     assert eventually(lambda: not simulator.state()["is_enabled"])
-    simulator.panel("release_emergency_stop")
+    simulator.operate("release_emergency_stop")
     hand.page.until_text("#line-said", "Cannot move")
 
 

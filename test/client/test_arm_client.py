@@ -32,7 +32,7 @@ def test_a_joint_move_returns_when_the_arm_is_there(bench):
 def test_stop_is_served_while_a_move_blocks_even_when_every_reply_is_late(bench, call):
     one = bench()
     arm = one.connect(**PATIENT)
-    one.panel("fault", kind="delay", port="command", count=None, delay_ms=50)
+    one.operate("fault", kind="delay", port="command", count=None, delay_ms=50)
     move = call(arm.move, joint_move(3.0, speed=0.2))
     assert eventually(one.is_moving)
     called = time.monotonic()

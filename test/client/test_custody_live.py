@@ -27,8 +27,8 @@ def test_a_stop_is_delivered_while_the_handshake_goes_on(bench):
     one = bench()
     arm = one.connect()
     asked = one.requests("get_simulator_identity")
-    one.panel("fault", kind="delay", port="command", count=None, delay_ms=600)
-    one.panel("close", port="command")
+    one.operate("fault", kind="delay", port="command", count=None, delay_ms=600)
+    one.operate("close", port="command")
     assert eventually(lambda: one.requests("get_simulator_identity") > asked)
     with StallWatch() as host:
         began = time.monotonic()
@@ -44,7 +44,7 @@ def test_the_controller_itself_stops_the_arm_when_the_network_falls_silent(bench
     arm.jog(JOG)
     assert eventually(one.is_moving)
     with StallWatch() as host:
-        one.panel("stall", duration_ms=4000)
+        one.operate("stall", duration_ms=4000)
         struck = time.monotonic()
         assert eventually(lambda: not one.is_moving())
         assert host.between(struck) < 3.0, "the driver itself can do nothing for 4 s"

@@ -22,14 +22,14 @@ SLOW_MOVE = c.JointMove((3.0,) + HOME[1:], 0.2, 4.0)
 NEVER_BY_ITSELF = {"power_on", "enable_robot", "clear_error"}
 
 CUTS = {
-    "close": lambda one: one.panel("close"),
-    "reset": lambda one: one.panel("reset"),
-    "half open": lambda one: one.panel("half_open"),
-    "half a frame": lambda one: one.panel("fault", kind="cut", port="status", bytes=1000),
-    "reboot": lambda one: one.panel("reboot", down=0.5),
-    "power failure": lambda one: one.panel("reboot", down=0.5, silent=1),
-    "refused for a while": lambda one: (one.panel("refuse", duration_ms=500), one.panel("close")),
-    "reply lost": lambda one: one.panel("fault", kind="drop", port="command"),
+    "close": lambda one: one.operate("close"),
+    "reset": lambda one: one.operate("reset"),
+    "half open": lambda one: one.operate("half_open"),
+    "half a frame": lambda one: one.operate("fault", kind="cut", port="status", bytes=1000),
+    "reboot": lambda one: one.operate("reboot", down=0.5),
+    "power failure": lambda one: one.operate("reboot", down=0.5, silent=1),
+    "refused for a while": lambda one: (one.operate("refuse", duration_ms=500), one.operate("close")),
+    "reply lost": lambda one: one.operate("fault", kind="drop", port="command"),
 }
 
 
@@ -52,7 +52,7 @@ def test_a_cut_is_noticed_and_the_link_comes_back(bench, cut):
 
 def test_the_client_may_start_before_the_controller(bench):
     one = bench()
-    one.panel("reboot", down=1.0)
+    one.operate("reboot", down=1.0)
     arm = one.connect(ready=False)
     with pytest.raises(ConnectionLost):
         arm.execute(c.Query.VERSION)
@@ -69,7 +69,7 @@ def test_a_link_lost_in_a_jog_or_stream_stops_the_arm_at_its_return(bench, start
         arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
     else:
         arm.set_servo_mode(True)
-    one.panel("close", port="command")
+    one.operate("close", port="command")
     assert eventually(lambda: arm.motion_owner is None)
     assert eventually(lambda: arm.is_ready and not one.is_moving())
     assert not one.controller.state()["is_servo_active"]
@@ -81,13 +81,13 @@ def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(be
     arm = one.connect()
     arm.set_servo_mode(True)
     assert eventually(lambda: one.requests("servo_j"))
-    one.panel("refuse", port="status", duration_ms=60000)
-    one.panel("close", port="status")
+    one.operate("refuse", port="status", duration_ms=60000)
+    one.operate("close", port="status")
     assert eventually(lambda: not one.controller.state()["is_servo_active"])
     assert eventually(lambda: not arm.is_ready)
     with pytest.raises(ConnectionLost, match="no link|no fresh"):
         arm.move(SLOW_MOVE)
-    one.panel("refuse", port="status", duration_ms=0)
+    one.operate("refuse", port="status", duration_ms=0)
     assert eventually(lambda: arm.motion_owner is None)
     leaves = [at for at, request in one.received() if request == {"cmdName": "servo_move", "relFlag": 0}]
     stop, = one.times_of("stop_program")
@@ -103,7 +103,7 @@ def test_a_stop_that_a_silent_link_swallowed_is_the_first_word_on_the_next(bench
     else:
         call(arm.jog, c.Jog(c.JogFrame.JOINT, 0, 0.2)) if start == "jog" else call(arm.move, SLOW_MOVE)
         assert eventually(one.is_moving)
-    one.panel("half_open")
+    one.operate("half_open")
     assert eventually(lambda: arm.motion_owner is None)
     assert eventually(lambda: arm.is_ready)
     assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
@@ -117,7 +117,7 @@ def test_a_stop_that_a_silent_link_swallowed_is_the_first_word_on_the_next(bench
 def test_a_motion_whose_reply_is_lost_is_stopped(bench, command, act):
     one = bench()
     arm = one.connect(reply_timeout=0.5)
-    one.panel("fault", kind="drop", port="command", command=command)
+    one.operate("fault", kind="drop", port="command", command=command)
     with pytest.raises((ReplyTimeout, ConnectionLost)):
         act(arm)
     assert eventually(lambda: arm.is_ready and arm.motion_owner is None)
@@ -144,11 +144,11 @@ def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_st
     assert eventually(lambda: arm.is_ready)
     arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
     assert eventually(one.is_moving)
-    one.panel("refuse", port="command", duration_ms=60000)
-    one.panel("close", port="command")
+    one.operate("refuse", port="command", duration_ms=60000)
+    one.operate("close", port="command")
     assert eventually(lambda: not arm.is_ready)
     assert told[-1] and one.is_moving() and arm.motion_owner is MotionOwner.JOG
-    one.panel("refuse", port="command", duration_ms=0)
+    one.operate("refuse", port="command", duration_ms=0)
     assert eventually(lambda: arm.is_ready and not told[-1])
     assert arm.motion_owner is None and not one.is_moving()
     assert one.times_of("stop_program")
@@ -200,12 +200,12 @@ def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
     arm = one.connect(stale_after=0.5)
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
-    one.panel("fault", kind="wrong_len", port="status", count=None)
+    one.operate("fault", kind="wrong_len", port="status", count=None)
     assert move.failure().cause is StopCause.LINK_LOST
     assert eventually(lambda: not one.is_moving())
     with pytest.raises(ConnectionLost):
         arm.fresh_state()
-    one.panel("clear_faults")
+    one.operate("clear_faults")
     assert eventually(lambda: arm.is_ready)
     assert arm.feed_health.damaged > 0
 
@@ -217,7 +217,7 @@ def test_damage_in_the_feed_changes_nothing_but_a_counter(bench, kind):
     bad = []
     arm.add_listener(lambda state, _: bad.append(state) if max(map(abs, state.joint_position)) > 7 else None)
     damaged = arm.feed_health.damaged
-    one.panel("fault", kind=kind, port="status", count=None, probability=0.5)
+    one.operate("fault", kind=kind, port="status", count=None, probability=0.5)
     frames = arm.feed_health.frames
     assert eventually(lambda: arm.feed_health.frames > frames + 100)
     if kind in ("wrong_len", "garbage", "noise"):
@@ -229,7 +229,7 @@ def test_damage_in_the_feed_changes_nothing_but_a_counter(bench, kind):
 def test_damaged_replies_are_survived(bench, kind):
     one = bench()
     arm = one.connect()
-    one.panel("fault", kind=kind, port="command", count=None, probability=0.7,
+    one.operate("fault", kind=kind, port="command", count=None, probability=0.7,
               **({"delay_ms": 50} if kind == "delay" else {}))
     answered = 0
     for _ in range(20):
@@ -244,7 +244,7 @@ def test_damaged_replies_are_survived(bench, kind):
 def test_a_lost_reply_is_told_and_the_command_is_not_repeated(bench):
     one = bench()
     arm = one.connect(reply_timeout=0.5)
-    one.panel("fault", kind="drop", port="command", command="set_payload")
+    one.operate("fault", kind="drop", port="command", command="set_payload")
     with pytest.raises((ReplyTimeout, ConnectionLost)):
         arm.execute(c.SetPayload(1.0, (0.0, 0.0, 0.0)))
     assert eventually(lambda: arm.is_ready)
@@ -254,17 +254,17 @@ def test_a_lost_reply_is_told_and_the_command_is_not_repeated(bench):
 def test_a_slow_feed_is_reported_as_it_is(bench):
     one = bench()
     arm = one.connect()
-    one.panel("slow_feed", rate=33)
+    one.operate("slow_feed", rate=33)
     assert eventually(lambda: 25 < arm.feed_health.rate < 45)
 
 
 def test_fields_that_are_missing_or_new_are_survived(bench):
     one = bench()
     arm = one.connect()
-    one.panel("fields", drop=["actual_position", "monitor_data", "tio_ain"], add={"novelty": [1, {"x": None}]})
+    one.operate("fields", drop=["actual_position", "monitor_data", "tio_ain"], add={"novelty": [1, {"x": None}]})
     assert eventually(lambda: arm.fresh_state().tcp_position is None)
     arm.move(c.JointMove((0.1,) + HOME[1:], 1.0, 4.0))
-    one.panel("fields", drop=["protective_stop"], add={})
+    one.operate("fields", drop=["protective_stop"], add={})
     assert eventually(lambda: not arm.is_ready)
     assert "protective_stop" in arm.feed_health.last_damage
 
@@ -277,7 +277,7 @@ def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench, monkeypatch):
     threads, descriptors = [], []
     for _ in range(25):
         try:
-            one.panel(chance.choice(["close", "reset"]), port=chance.choice(["command", "status"]))
+            one.operate(chance.choice(["close", "reset"]), port=chance.choice(["command", "status"]))
             arm.execute(c.Query.VERSION)
         except JakaError:
             pass

@@ -23,8 +23,8 @@ JOINTS = {"q": [0.0] * 6, "speed": 0.5}
 LIMIT_S = 30.0
 
 
-class Desk:
-    """An arm's desk, whose stop takes a while."""
+class OneArm:
+    """An arm's session, whose stop takes a while."""
 
     def __init__(self, node, stop_s=0.0, error=""):
         self.driver = SimpleNamespace(node=node, interface="documented", offers=lambda name: True)
@@ -59,10 +59,10 @@ class Socket:
 class Bench:
     """A hub with arms, and pages that have said hello; the first has control."""
 
-    def __init__(self, *desks, close_s=(0.0,)):
+    def __init__(self, *arms, close_s=(0.0,)):
         self.hub = Hub(Settings(), None)
         self.hub._loop = asyncio.get_event_loop()
-        self.hub.arms.update({desk.driver.node: desk for desk in desks})
+        self.hub.arms.update({arm.driver.node: arm for arm in arms})
         self.pages = [self._page(seconds) for seconds in close_s]
         self.hub.take_control(self.pages[0])
 
@@ -115,8 +115,8 @@ async def seen(event):
                                         ("program_resume", {})])
 def test_what_was_on_its_way_is_not_sent_after_the_arm_was_stopped_or_its_page_has_gone(service, name, args, how):
     async def work():
-        desk = Desk("/arm")
-        bench = Bench(desk)
+        arm = OneArm("/arm")
+        bench = Bench(arm)
         answer = bench.command(name, args)
         await seen(service.looked)
         if how == "stop":
@@ -129,14 +129,14 @@ def test_what_was_on_its_way_is_not_sent_after_the_arm_was_stopped_or_its_page_h
             bench.hub.release_control(bench.pages[0])
         service.released.set()
         told = await answer
-        assert not told.ok and "nothing was sent" in told.message and not service.sent and not desk.cancels
+        assert not told.ok and "nothing was sent" in told.message and not service.sent and not arm.cancels
     run(work)
 
 
 def test_what_nobody_stops_is_sent(service):
     async def work():
         service.released.set()
-        bench = Bench(Desk("/arm"))
+        bench = Bench(OneArm("/arm"))
         await bench.command("joint_move", JOINTS)
         assert [name for name, _ in service.sent] == ["/arm/joint_move"]
         await bench.hub.stop("/arm")
@@ -151,7 +151,7 @@ def test_what_nobody_stops_is_sent(service):
 def test_a_number_that_the_message_cannot_hold_is_answered(service, name, args):
     async def work():
         service.released.set()
-        told = await Bench(Desk("/arm")).command(name, args)
+        told = await Bench(OneArm("/arm")).command(name, args)
         assert not told.ok and "/arm/" in told.message and not service.sent
     run(work)
 
@@ -162,7 +162,7 @@ def test_whatever_goes_wrong_in_a_command_is_answered(monkeypatch, caplog):
     monkeypatch.setitem(requests.REQUESTS, "settings", requests.Request(broken, needs_control=False))
 
     async def work():
-        told = await Bench(Desk("/arm")).command("settings", {})
+        told = await Bench(OneArm("/arm")).command("settings", {})
         assert not told.ok and "planted" in told.message
     run(work)
     assert "planted" in caplog.text
@@ -170,7 +170,7 @@ def test_whatever_goes_wrong_in_a_command_is_answered(monkeypatch, caplog):
 
 def test_the_arms_of_a_page_that_goes_are_stopped_at_once_and_what_is_told_of_them_is_true():
     async def work():
-        slow, quick = Desk("/slow", 0.6, "no answer"), Desk("/quick")
+        slow, quick = OneArm("/slow", 0.6, "no answer"), OneArm("/quick")
         bench = Bench(slow, quick)
         now = time.monotonic()
         for arm in ("/slow", "/quick"):
@@ -187,8 +187,8 @@ def test_the_arms_of_a_page_that_goes_are_stopped_at_once_and_what_is_told_of_th
 
 def test_a_panel_that_ends_begins_nothing_more_and_stops_what_its_pages_moved(service):
     async def work():
-        desk = Desk("/arm")
-        bench = Bench(desk, close_s=(0.5, 0.5, 0.5))
+        arm = OneArm("/arm")
+        bench = Bench(arm, close_s=(0.5, 0.5, 0.5))
         closing = asyncio.ensure_future(bench.hub.close())
         began = time.monotonic()
         await asyncio.sleep(0.1)
@@ -202,14 +202,14 @@ def test_a_panel_that_ends_begins_nothing_more_and_stops_what_its_pages_moved(se
         page.begins_motion("/arm", time.monotonic())  # as of a call that was answered late
         bench.hub.leave(page)
         await closing
-        assert desk.asked_at and time.monotonic() - began < 1.2, "pages are ended beside each other"
+        assert arm.asked_at and time.monotonic() - began < 1.2, "pages are ended beside each other"
         assert not service.looked.is_set()
     run(work)
 
 
 def test_the_answer_to_a_stop_says_when_it_was_served():
     async def work():
-        bench = Bench(Desk("/arm", stop_s=0.05))
+        bench = Bench(OneArm("/arm", stop_s=0.05))
         began = time.monotonic()
         server = Server(Settings(), bench.hub, SimpleNamespace(has_bearer=lambda headers: True), None)
         posted = json.loads((await server._stop(SimpleNamespace(headers={}, query={}))).text)
@@ -225,7 +225,7 @@ def test_the_answer_to_a_stop_says_when_it_was_served():
 
 def test_a_folder_of_logs_that_does_not_answer_holds_up_no_stop():
     async def work():
-        bench, released = Bench(Desk("/arm")), threading.Event()
+        bench, released = Bench(OneArm("/arm")), threading.Event()
         bench.hub.logs.entries = lambda: (released.wait(LIMIT_S), [])[1]
         answer = bench.command("logs", {})
         for _ in range(10):

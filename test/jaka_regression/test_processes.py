@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from jaka_regression.command_lines import MASTER, PANEL_SESSION, SIMULATION
+from jaka_regression.command_lines import MASTER, OPERATOR_SESSION, SIMULATION
 from jaka_regression.processes import ChildProcess, ChildProcesses, ProcessFailed
 
 WAIT = 30.0
@@ -67,7 +67,7 @@ def test_silence_and_nonsense_are_errors(tmp_path):
 
 
 @pytest.mark.parametrize("arguments", [
-    MASTER, [*SIMULATION, "--command-port", "0", "--status-port", "0"], [*PANEL_SESSION, "10001"]],
+    MASTER, [*SIMULATION, "--command-port", "0", "--status-port", "0"], [*OPERATOR_SESSION, "10001"]],
     ids=["master", "simulation", "panel session"])
 def test_what_inherits_an_ignored_interrupt_is_ended_by_one_all_the_same(tmp_path, arguments):
     if arguments is MASTER:

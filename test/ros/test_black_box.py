@@ -86,14 +86,14 @@ def test_an_emergency_stop_leaves_a_file_that_is_complete(ros_node, simulator, d
         arm.wait_until_ready()
         assert eventually(lambda: rosservice("/jaka_black_box/trigger") and list(folder.glob("*.mcap*")))
         arm.listen("/diagnostics", 3)
-        simulator.panel("press_emergency_stop")
+        simulator.operate("press_emergency_stop")
 
         def with_stop():
             return [path for path in folder.glob("*.mcap")
                     if "emergency_stop" in [trigger["kind"] for trigger in triggers_of(path)]]
         assert eventually(with_stop, WAIT)
-        simulator.panel("release_emergency_stop")
-        simulator.panel("clear_faults")
+        simulator.operate("release_emergency_stop")
+        simulator.operate("clear_faults")
     path = with_stop()[0]
     with open_log(path) as log:
         attached = {entry.name: log.read_attachment(entry) for entry in log.index.attachments}

@@ -141,7 +141,7 @@ def test_a_terminal_that_stops_reading_stops_nothing_else(live):
     for _ in range(700):
         assert live.arm.call("joint_move", pose=HOME, mvvelo=-1.0, mvacc=1.0).ret == 0
     pending = begin(live, "move")
-    live.simulator.panel("close")
+    live.simulator.operate("close")
     assert "link" in pending.join().message
     live.arm.wait_until_seen()
     begin(live, "jog")

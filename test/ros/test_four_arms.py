@@ -52,8 +52,8 @@ def test_the_cut_of_one_is_nothing_to_the_others(arms):
     cut, *others = arms
     with contextlib.ExitStack() as listening:
         received = [listening.enter_context(collecting(arm.name + "/joint_position", JointState)) for arm in arms]
-        cut.simulator.panel("refuse", duration_ms=2000)
-        cut.simulator.panel("close")
+        cut.simulator.operate("refuse", duration_ms=2000)
+        cut.simulator.operate("close")
         assert eventually(lambda: not cut.call("get_fk", joint=HOME).cartesian_pose)
         counts = [len(messages) for messages in received]
         assert all(arm.call("get_fk", joint=HOME).cartesian_pose for arm in others)

@@ -48,11 +48,11 @@ def test_auto_enable_acts_once_and_never_again(ros_node):
     with contextlib.closing(SimulatorProcess()) as simulator, DriverProcess("enabling", **on(simulator, guard=False)):
         arm = Arm(simulator, "/enabling")
         arm.wait_until_ready()
-        simulator.panel("press_emergency_stop")
+        simulator.operate("press_emergency_stop")
         assert eventually(lambda: not simulator.state()["is_powered"])
-        simulator.panel("release_emergency_stop")
+        simulator.operate("release_emergency_stop")
         assert arm.call("clear_err").ret == 1
-        simulator.panel("close")
+        simulator.operate("close")
         arm.wait_until_seen()
         assert not simulator.state()["is_powered"]
         assert arm.call("joint_move", pose=HOME, mvvelo=1.0, mvacc=1.0).ret == 0
@@ -62,7 +62,7 @@ def test_auto_enable_acts_once_and_never_again(ros_node):
 def test_nothing_is_energised_when_auto_enable_is_off_or_the_arm_is_not_healthy(ros_node, spoil):
     with contextlib.closing(SimulatorProcess()) as simulator:
         if spoil:
-            simulator.panel(spoil)
+            simulator.operate(spoil)
         with DriverProcess("careful", auto_enable=spoil is not None, **on(simulator, guard=False)):
             arm = Arm(simulator, "/careful")
             arm.wait_until_seen()

@@ -65,9 +65,9 @@ def test_power_move_jog_servo_stop_outputs_and_recovery(ros_node, tmp_path, fact
         assert arm.call("set_io", signal="digital", type=0, index=2, value=1.0).ret == 1
         assert eventually(lambda: arm.simulator.state()["digital_outputs"][:4] == [0, 0, 1, 0])
 
-        arm.simulator.panel("press_emergency_stop")
+        arm.simulator.operate("press_emergency_stop")
         assert eventually(lambda: arm.listen("robot_states", 1)[0].motion_state == 2)
-        arm.simulator.panel("release_emergency_stop")
+        arm.simulator.operate("release_emergency_stop")
         assert eventually(lambda: arm.listen("robot_states", 1)[0].motion_state != 2)
         recovered = arm.call("recover")
         assert recovered.success, recovered.message

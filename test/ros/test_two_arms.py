@@ -69,5 +69,5 @@ def test_a_second_driver_on_the_same_controller_refuses_and_the_first_goes_on(ro
         with DriverProcess("newer", **on(simulator, guard=False)) as second:
             code, said = second.wait()
         assert code == 3 and "already driven by node /older (pid " in said
-        assert simulator.panel("wire")
+        assert simulator.operate("wire")
         assert first.call("get_fk", joint=HOME).cartesian_pose

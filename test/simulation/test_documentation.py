@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "simulation.md"
 PROTOCOL = PAGE.with_name("controller-protocol.md")
 DEEPER = ("controller/test_states", "controller/test_content",
-          "controller/test_sdk_client", "server/test_panel", "server/test_server",
+          "controller/test_sdk_client", "server/test_operator_port", "server/test_server",
           "controller/test_link_loss", "test_identity")
 WRITE_ANEW = "PYTHONPATH=.:test/support build/venv/bin/python3 test/simulation/test_documentation.py"
 LONGEST_CELL = 120

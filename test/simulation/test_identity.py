@@ -32,8 +32,8 @@ def test_each_has_its_own_unless_told(make_arm, firmware):
 def test_restart_keeps_it(make_arm):
     arm = make_arm()
     before = identity_of(arm.command_port)
-    arm.panel("reboot", down=60)
-    arm.panel("boot")
+    arm.operate("reboot", down=60)
+    arm.operate("boot")
     assert identity_of(arm.command_port) == before
 
 

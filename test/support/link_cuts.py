@@ -26,7 +26,7 @@ def _another_client(simulator):
 def _lose_a_reply(simulator):
     """Lose a reply that is waited for: nobody waits for those of a servo stream."""
     one = {"command": "is_in_servomove"} if simulator.state()["is_servo_active"] else {}
-    simulator.panel("fault", kind="drop", port="command", **one)
+    simulator.operate("fault", kind="drop", port="command", **one)
 
 
 class Cut(NamedTuple):
@@ -38,20 +38,20 @@ class Cut(NamedTuple):
 
 
 CUTS: Dict[str, Cut] = {
-    "FIN": Cut(lambda sim: sim.panel("close")),
-    "FIN of the command port": Cut(lambda sim: sim.panel("close", port="command")),
-    "FIN of the status port": Cut(lambda sim: sim.panel("close", port="status")),
-    "RST": Cut(lambda sim: sim.panel("reset")),
-    "half open": Cut(lambda sim: sim.panel("half_open"), is_silent=True),
-    "command port half open": Cut(lambda sim: sim.panel("half_open", port="command"), is_silent=True),
-    "status port half open": Cut(lambda sim: sim.panel("half_open", port="status"), is_silent=True),
-    "silent for a while": Cut(lambda sim: sim.panel("stall", duration_ms=1500), 1.5, is_silent=True),
-    "half a frame": Cut(lambda sim: sim.panel("fault", kind="cut", port="status", bytes=1000)),
-    "half a reply": Cut(lambda sim: sim.panel("fault", kind="cut", port="command", bytes=10)),
+    "FIN": Cut(lambda sim: sim.operate("close")),
+    "FIN of the command port": Cut(lambda sim: sim.operate("close", port="command")),
+    "FIN of the status port": Cut(lambda sim: sim.operate("close", port="status")),
+    "RST": Cut(lambda sim: sim.operate("reset")),
+    "half open": Cut(lambda sim: sim.operate("half_open"), is_silent=True),
+    "command port half open": Cut(lambda sim: sim.operate("half_open", port="command"), is_silent=True),
+    "status port half open": Cut(lambda sim: sim.operate("half_open", port="status"), is_silent=True),
+    "silent for a while": Cut(lambda sim: sim.operate("stall", duration_ms=1500), 1.5, is_silent=True),
+    "half a frame": Cut(lambda sim: sim.operate("fault", kind="cut", port="status", bytes=1000)),
+    "half a reply": Cut(lambda sim: sim.operate("fault", kind="cut", port="command", bytes=10)),
     "reply lost": Cut(_lose_a_reply, is_silent=True),
-    "reboot": Cut(lambda sim: sim.panel("reboot", down=1.0), 1.0),
-    "power failure": Cut(lambda sim: sim.panel("reboot", down=1.5, silent=1), 1.5, is_silent=True),
-    "refused": Cut(lambda sim: (sim.panel("refuse", duration_ms=1000), sim.panel("close")), 1.0),
+    "reboot": Cut(lambda sim: sim.operate("reboot", down=1.0), 1.0),
+    "power failure": Cut(lambda sim: sim.operate("reboot", down=1.5, silent=1), 1.5, is_silent=True),
+    "refused": Cut(lambda sim: (sim.operate("refuse", duration_ms=1000), sim.operate("close")), 1.0),
     "another client": Cut(_another_client),
 }
 ACTIVITIES = (None, *MOTIONS)
@@ -133,7 +133,7 @@ class LinkWatch:
     def recover(self):
         """Make the arm ready again as a person would: the driver itself energises nothing."""
         arm = self.live.arm
-        self.live.simulator.panel("clear_faults")
+        self.live.simulator.operate("clear_faults")
         assert eventually(self._works)
         if not self.live.simulator.state()["is_enabled"]:
             arm.call("clear_err")
@@ -150,7 +150,7 @@ class LinkWatch:
         """Make one cut at rest and wait until all works; from one thread only, so that the driver keeps its
         connections. A driver whose command port is cut often believes in another client, and leaves it the port.
         """
-        self.live.simulator.panel(self.chance.choice(("close", "reset")), port=port)
+        self.live.simulator.operate(self.chance.choice(("close", "reset")), port=port)
         assert eventually(self._works)
 
     def assert_topics_were_sane(self):

@@ -30,7 +30,7 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
             client.send(request)
             received.append(client.reply())
         frames = [feed.raw_frame() for _ in range(5)]
-    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
+    wait_until(lambda: not arm.operate("wire")["wire"]["connections"], "the clients to be gone")
     arm.close()
     entries = read_log(path)
     events = [entry for entry in entries if isinstance(entry, WireEvent)]
@@ -108,14 +108,14 @@ def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):
         feed.until(lambda frame: frame["inpos"])
         assert client.code("joint_move", jointPosition=[150.0, *HOME[1:]], speed=20) == "0"
         feed.until(lambda frame: frame["joint_actual_position"][0] > 60.0)
-        arm.panel("hit")
+        arm.operate("hit")
         feed.until(lambda frame: frame["protective_stop"])
         wait_until(lambda: not arm.state()["is_moving"], "standstill")
         assert client.code("clear_error") == "0"
         assert client.code("servo_move", relFlag=1) == "0"
         for _ in range(30):
             assert client.code("servo_j", relFlag=1, jointPosition=[0.2, 0, 0, 0, 0, 0]) == "0"
-        arm.panel("press_emergency_stop")
+        arm.operate("press_emergency_stop")
         feed.until(lambda frame: frame["emergency_stop"])
     arm.close()
     (root / "build").mkdir(exist_ok=True)

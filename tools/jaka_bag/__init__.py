@@ -12,7 +12,7 @@ paths, output_file   names of files; outputs that appear only when whole
 pipeline             work on several threads, results in order
 allocator            freed memory, kept for the next chunk of a log
 messages             many messages in few numpy arrays: definitions, layouts, columns, CDR, selection
-containers           the formats: one contract for readers and writers, .bag, .mcap, rosbag2 folders
+containers           the formats: one interface for readers and writers, .bag, .mcap, rosbag2 folders
 operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
 compare              does the arm still do what it did? a log against a golden one, and the reports

@@ -13,8 +13,8 @@ def _calling_main_of(module: str) -> Tuple[str, str]:
 JAKA_BAG = _calling_main_of("jaka_bag.cli.main")
 SIMULATION = _calling_main_of("jaka_ros_driver.simulation.__main__")
 DRIVER = _calling_main_of("jaka_ros_driver.ros.node")
-WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.replayer")
-PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.operator_session")
+REPLAYER = ("-m", "jaka_ros_driver.wire.replayer")
+OPERATOR_SESSION = ("-m", "jaka_ros_driver.simulation.server.operator_session")
 LIVE_WATCH = ("-m", "jaka_regression.cell.live_watch")
 CALLERS_PATH = "JAKA_CELL_PYTHONPATH"
 LAUNCH = ("-c", "import os, sys, roslaunch; os.environ['PYTHONPATH'] = os.environ.pop(%r); "

@@ -65,7 +65,7 @@ class Stage:
         self._scenario = scenario
         self._time_scale = time_scale
         self._environment: Dict[str, Optional[str]] = {}
-        self._panels: Dict[str, ChildProcess] = {}
+        self._operator_ports: Dict[str, ChildProcess] = {}
         self._ports: Dict[str, Dict[str, Any]] = {}
         self._watch: Optional[ChildProcess] = None
         self._operators: List[threading.Thread] = []
@@ -105,9 +105,9 @@ class Stage:
                 (began if event["event"] == "begin" else ended).set()
 
         alone = ("--patience", "%g" % _PATIENCE_ALONE_S) if self._script.log is None else ()
-        player = self._start("wire", *command_lines.WIRE_PLAYER, wire_log, "--speed",
+        replayer = self._start("wire", *command_lines.REPLAYER, wire_log, "--speed",
                              "%g" % self._time_scale, *alone, on_line=hear)
-        facts = player.first_object(_START_S)
+        facts = replayer.first_object(_START_S)
         self._ports[self._scenario.arms[0].namespace] = facts
         recorder = self._start_recorder(candidate)
         self._start_drivers(driver)
@@ -189,12 +189,12 @@ class Stage:
             str(state), *arm.simulation)
         self._ports[arm.namespace] = simulation.first_object(_START_S)
         if any(event.arm == arm.namespace for event in self._scenario.events):
-            panel = self._start("panel%d" % number, *command_lines.PANEL_SESSION,
-                                str(self._ports[arm.namespace]["panel_port"]), on_line=self._panel_answered)
-            panel.first_line(_START_S)
-            self._panels[arm.namespace] = panel
+            session = self._start("operator%d" % number, *command_lines.OPERATOR_SESSION,
+                                  str(self._ports[arm.namespace]["panel_port"]), on_line=self._operator_answered)
+            session.first_line(_START_S)
+            self._operator_ports[arm.namespace] = session
 
-    def _panel_answered(self, line: str) -> None:
+    def _operator_answered(self, line: str) -> None:
         if '"ok": false' in line:
             self._failure = "the operator port refuses: %s" % line
 
@@ -259,7 +259,7 @@ class Stage:
     def _schedule(self, cause: EventCause, moment: float) -> None:
         """Start what the operator does after a cause.
 
-        A recorded controller has no panel: what was done there is in its bytes.
+        A recorded controller has no operator port: what was done there is in its bytes.
         """
         events = sorted(self._events_after(cause), key=lambda event: event.delay_s)
         if events:
@@ -268,17 +268,17 @@ class Stage:
             operator.start()
 
     def _events_after(self, cause: EventCause) -> List[ControllerEvent]:
-        return [event for event in self._scenario.events if event.after == cause and event.arm in self._panels]
+        return [event for event in self._scenario.events if event.after == cause and event.arm in self._operator_ports]
 
-    def _say_to_panel(self, event: ControllerEvent) -> None:
-        self._panels[event.arm].say(json.dumps(dict(event.request)))
+    def _say_to_operator_port(self, event: ControllerEvent) -> None:
+        self._operator_ports[event.arm].say(json.dumps(dict(event.request)))
 
     def _operate(self, events: Sequence[ControllerEvent], moment: float) -> None:
         """Send the operator's requests one after the other, even where this computer is late with all of them."""
         try:
             for event in events:
                 time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
-                self._say_to_panel(event)
+                self._say_to_operator_port(event)
         except ProcessFailed as error:
             self._failure = str(error)
 

@@ -119,8 +119,8 @@ def test_a_driver_that_leaves_in_good_order_takes_its_guard_along(driver):
 
 def test_an_arm_that_could_not_be_stopped_at_shutdown_is_stopped_by_the_guard(driver):
     one, process = driver("jog")
-    one.panel("refuse", port="command", duration_ms=2000)
-    one.panel("close", port="command")
+    one.operate("refuse", port="command", duration_ms=2000)
+    one.operate("close", port="command")
     process.order("leave")
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
@@ -130,8 +130,8 @@ def test_an_arm_that_could_not_be_stopped_at_shutdown_is_stopped_by_the_guard(dr
 def test_an_arm_left_to_a_frozen_guard_at_shutdown_is_stopped_by_another(driver):
     one, process = driver("jog")
     os.kill(process.watched(), signal.SIGSTOP)
-    one.panel("refuse", port="command", duration_ms=1000)
-    one.panel("close", port="command")
+    one.operate("refuse", port="command", duration_ms=1000)
+    one.operate("close", port="command")
     process.order("leave")
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
@@ -230,7 +230,7 @@ def test_an_arm_that_moves_on_after_an_accepted_stop_is_stopped_again(driver, an
 def test_a_stop_whose_reply_is_lost_is_repeated(driver, answer_stops, kind):
     answer_stops(accept_and_go_on)
     one, process = driver("jog")
-    one.panel("fault", kind=kind, port="command", command="stop_program", count=1)
+    one.operate("fault", kind=kind, port="command", command="stop_program", count=1)
     process.send(signal.SIGKILL)
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
@@ -243,12 +243,12 @@ def test_an_arm_that_cannot_be_seen_is_sent_three_stops(driver, blindness):
     process.send(signal.SIGSTOP)  # else it stops the arm itself, when it sees nothing any more
     died_at = time.monotonic()
     if blindness == "refused":
-        one.panel("refuse", port="status", duration_ms=60000)
-        one.panel("close", port="status")
+        one.operate("refuse", port="status", duration_ms=60000)
+        one.operate("close", port="status")
     elif blindness == "silent":
-        one.panel("stall", port="status", duration_ms=60000)
+        one.operate("stall", port="status", duration_ms=60000)
     else:
-        one.panel("fields", drop=["joint_actual_position"])
+        one.operate("fields", drop=["joint_actual_position"])
     process.send(signal.SIGKILL)
     assert eventually(lambda: not process.guards())
     said = process.kill()
@@ -296,13 +296,13 @@ def test_a_guard_at_work_answers_a_driver_that_thaws_and_finishes(driver, answer
     guard = process.watched()
     process.send(signal.SIGSTOP)
     assert eventually(lambda: one.requests("stop_program"))
-    one.panel("refuse", port="command", duration_ms=60000)  # the driver finds no way to the arm, the guard has it
+    one.operate("refuse", port="command", duration_ms=60000)  # the driver finds no way to the arm, the guard has it
     process.send(signal.SIGCONT)
     time.sleep(1.5)  # the time in which a driver replaces a guard that does not answer
     assert one.is_moving() and process.guards() == [guard], "the driver replaced a guard at work"
     assert eventually(lambda: not one.is_moving())
     assert process.health()["replacements"] == 0
-    one.panel("refuse", port="command", duration_ms=0)
+    one.operate("refuse", port="command", duration_ms=0)
 
 
 def test_a_guard_that_was_frozen_together_with_its_driver_stops_the_arm_when_it_thaws(driver):
@@ -332,7 +332,7 @@ def test_a_frozen_driver_that_shuts_the_guard_out_is_ended(driver):
 
 def test_a_frozen_driver_is_ended_where_the_controller_listens_no_more(driver):
     one, process = driver("jog")
-    one.panel("refuse", port="command", duration_ms=1500)
+    one.operate("refuse", port="command", duration_ms=1500)
     process.send(signal.SIGSTOP)
     assert process.process.wait(WAIT) == -signal.SIGKILL
     assert eventually(lambda: not one.is_moving())

@@ -11,7 +11,7 @@ from log_samples import START_NS, read, state_log
 from sqlite_logs import write_database
 
 from jaka_bag.cli.main import main
-from jaka_bag.containers.contract import _Renumbering
+from jaka_bag.containers.interface import _Renumbering
 from jaka_bag.containers.sqlite_recovery import SqliteRecovery
 from jaka_bag.errors import BagFormatError
 from jaka_bag.messages.batch import np

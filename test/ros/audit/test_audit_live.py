@@ -49,10 +49,10 @@ def told(ros_node, tmp_path_factory):
         arm.call("stop_move")
         arm.call("get_fk", joint=HOME)
         begin(live, "move")
-        live.simulator.panel("press_emergency_stop")
+        live.simulator.operate("press_emergency_stop")
         assert eventually(lambda: those_of(folder, "driver") and any(
             "emergency stop" in line["text"] for line in those_of(folder, "driver")), WAIT)
-        live.simulator.panel("release_emergency_stop")
+        live.simulator.operate("release_emergency_stop")
         assert eventually(lambda: arm.call("recover").success, WAIT)
         for name in ("~jog_joints", "~servo_j", "jaka_zu7_controller/command"):
             assert eventually(lambda name=name: len(those_of(folder, "stream", what=name, state="begins")) == len(

@@ -93,9 +93,9 @@ def test_motions_stops_and_alarms_are_counted_and_a_hostile_client_delays_no_sto
         moving.wait()
         assert moving.result.ret == 0
         over.set()
-    arm.simulator.panel("press_emergency_stop")
+    arm.simulator.operate("press_emergency_stop")
     assert eventually(lambda: measured.figures()[("jaka_alarm", "emergency_stop")] == 1.0)
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     after = measured.figures()
 
     def more(*name):
@@ -134,7 +134,7 @@ def flooding(port):
 
 def test_a_lost_link_is_counted_and_no_old_state_is_shown(measured):
     before = measured.figures()
-    measured.arm.simulator.panel("stall", port="status", duration_ms=3000)
+    measured.arm.simulator.operate("stall", port="status", duration_ms=3000)
 
     def is_stale():
         figures = measured.figures()

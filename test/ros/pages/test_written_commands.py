@@ -433,7 +433,7 @@ def test_the_panel_of_the_simulator_understands_what_its_page_says(root):
     assert len(texts) >= 2
     with SimulatedController(start="enabled") as arm:
         for text in texts:
-            words = shlex.split(re.sub(r"--port \d+", "--port %d" % arm.panel_port, text))[1:]
+            words = shlex.split(re.sub(r"--port \d+", "--port %d" % arm.operator_port, text))[1:]
             assert words[3] in ACTIONS
             done = subprocess.run([*command_of("jaka_sim"), *words], stdout=subprocess.PIPE, text=True, timeout=60)
             assert done.returncode == 0, text

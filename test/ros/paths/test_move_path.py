@@ -25,7 +25,7 @@ def cell(ros_node, driven_by, log_file):
 @pytest.fixture
 def arm(cell):
     """Return the arm at the last corner of the square, at rest, all well."""
-    cell.simulator.panel("release_emergency_stop")
+    cell.simulator.operate("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     answer = cell.call("linear_move", pose=[400.0, 100.0, 370.0, 2.2214, -2.2214, 0.0], mvvelo=500.0, mvacc=4000.0)
     assert answer.ret == 1, answer.message
@@ -137,14 +137,14 @@ def test_what_ends_it_tells_how_far_it_came_and_nothing_is_sent_afterwards(arm, 
     elif how == "cancel":
         client.cancel(handle)
     elif how == "collision":
-        arm.simulator.panel("hit", force=500.0)
+        arm.simulator.operate("hit", force=500.0)
     else:
-        arm.simulator.panel("press_emergency_stop")
+        arm.simulator.operate("press_emergency_stop")
     state, result = client.end(handle)
     assert state == ENDS[how][0] and ENDS[how][1] in result.message and "segments completed" in result.message, result
     assert result.completed == 1 and 0.3 <= result.fraction < 0.5 and not result.success
     assert not arm.simulator.is_moving(), "the end is published when the arm rests"
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     assert eventually(lambda: arm.call("recover").success)
     where = arm.simulator.state()["tcp_pose"]
     assert math.dist(where[:2], [460.0, 100.0 + 60.0 * (4.0 * result.fraction - 1.0)]) < 3.0, (where, result)

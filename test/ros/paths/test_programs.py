@@ -23,7 +23,7 @@ def cell(ros_node, driven_by, log_file):
 @pytest.fixture
 def arm(cell):
     """Return an arm with a program loaded, none running, ready."""
-    cell.simulator.panel("release_emergency_stop")
+    cell.simulator.operate("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     assert cell.call("program/stop").success
     assert cell.call("program/load", name="weld.jks").success
@@ -87,11 +87,11 @@ def test_it_owns_the_motion_and_stop_move_ends_it(arm, log_file):
 
 def test_an_emergency_stop_ends_it_and_nothing_goes_on_by_itself(arm, log_file):
     assert arm.call("program/play").success
-    arm.simulator.panel("press_emergency_stop")
+    arm.simulator.operate("press_emergency_stop")
     assert eventually(lambda: last(arm).state == IDLE and "emergency stop" in last(arm).reason)
     refused = arm.call("program/resume")
     assert not refused.success and "emergency stop" in refused.message
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     assert eventually(lambda: arm.call("recover").success)
     assert last(arm).state == IDLE
     sent = WireVerdict(log_file)

@@ -72,26 +72,26 @@ def guided(arm):
 
 
 def pressed(arm):
-    arm.simulator.panel("press_emergency_stop")
+    arm.simulator.operate("press_emergency_stop")
     assert eventually(lambda: arm.listen("robot_states", 1)[0].motion_state == 2)
 
 
 def protected(arm):
     assert arm.call("set_collisionlevel", is_enable=True, value=10).ret == 1
     under_way(arm)
-    arm.simulator.panel("hit")
+    arm.simulator.operate("hit")
     assert arm.pending.join().ret == 0
     assert eventually(lambda: arm.listen("robot_states", 1)[0].collision_state == 1)
 
 
 def command_port_down(arm):
-    arm.simulator.panel("refuse", port="command", duration_ms=60000)
-    arm.simulator.panel("close", port="command")
+    arm.simulator.operate("refuse", port="command", duration_ms=60000)
+    arm.simulator.operate("close", port="command")
     assert eventually(lambda: not arm.call("get_fk", joint=HOME).cartesian_pose)
 
 
 def feed_unreadable(arm):
-    arm.simulator.panel("fault", kind="wrong_len", port="status", count=None)
+    arm.simulator.operate("fault", kind="wrong_len", port="status", count=None)
     assert eventually(lambda: "fresh status" in arm.call("get_io", **CALLS["get_io"]).message)
 
 
@@ -111,9 +111,9 @@ CONDITIONS = {
 
 def recover(arm):
     """Bring back an enabled arm at rest, as an operator would."""
-    arm.simulator.panel("release_emergency_stop")
-    arm.simulator.panel("clear_faults")
-    arm.simulator.panel("refuse", port="command", duration_ms=0)
+    arm.simulator.operate("release_emergency_stop")
+    arm.simulator.operate("clear_faults")
+    arm.simulator.operate("refuse", port="command", duration_ms=0)
     assert eventually(lambda: arm.call("get_fk", joint=HOME).cartesian_pose)
     assert eventually(lambda: "error" not in arm.call("get_io", **CALLS["get_io"]).message)
     arm.call("stop_move")
@@ -188,7 +188,7 @@ def test_a_lost_reply_is_told_for_every_command_and_nothing_is_sent_twice(arm, m
                   "clear_err": "clear_error", "get_fk": "kine_forward", "get_ik": "kine_inverse"}
     recover(arm)
     for service, wire_name in wire_names.items():
-        arm.simulator.panel("fault", kind="drop", port="command", command=wire_name)
+        arm.simulator.operate("fault", kind="drop", port="command", command=wire_name)
         done, told = matrix["reply lost", service] = outcome(arm, service)
         assert not done and ("no reply" in told or "command port" in told), (service, told)
         recover(arm)

@@ -59,7 +59,7 @@ class Gripper:
 
     def show(self, inputs):
         for index, value in enumerate(inputs):
-            self._arm.simulator.panel("set_input", bank="tool", index=index, value=value)
+            self._arm.simulator.operate("set_input", bank="tool", index=index, value=value)
 
     def valves(self):
         """Return (open, close) as the controller has its outputs."""
@@ -179,8 +179,8 @@ def test_a_cancel_a_newer_goal_and_a_stop_leave_the_work_piece_where_it_is(arm, 
 
 def test_an_output_that_cannot_be_set_aborts_with_the_reason(arm, client, gripper):
     before = gripper.valves()
-    arm.simulator.panel("refuse", port="command", duration_ms=1500)
-    arm.simulator.panel("close", port="command")
+    arm.simulator.operate("refuse", port="command", duration_ms=1500)
+    arm.simulator.operate("close", port="command")
     handle = client.send(goal_to(0.0))
     state, _ = client.end(handle)
     assert state == "ABORTED" and handle.get_goal_status_text()

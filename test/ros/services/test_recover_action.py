@@ -33,8 +33,8 @@ def slow_arm(ros_node, driven_by):
 @pytest.fixture
 def off(slow_arm):
     """Switch its drives off, with no fault left."""
-    slow_arm.simulator.panel("clear_faults")
-    slow_arm.simulator.panel("release_emergency_stop")
+    slow_arm.simulator.operate("clear_faults")
+    slow_arm.simulator.operate("release_emergency_stop")
     assert eventually(lambda: not slow_arm.listen("robot_states", 1)[0].motion_state == 2)
     slow_arm.call("clear_err")
     assert slow_arm.call("power", data=False).success
@@ -73,9 +73,9 @@ class Client:
 
 
 def pressed_and_released(arm):
-    arm.simulator.panel("press_emergency_stop")
+    arm.simulator.operate("press_emergency_stop")
     assert eventually(lambda: arm.listen("robot_states", 1)[0].motion_state == 2)
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     assert eventually(lambda: arm.listen("robot_states", 1)[0].motion_state == 4)
 
 
@@ -102,7 +102,7 @@ def test_the_service_of_the_same_name_takes_the_same_steps(off):
 
 
 def test_it_is_refused_with_the_reason_while_the_emergency_stop_is_pressed(off):
-    off.simulator.panel("press_emergency_stop")
+    off.simulator.operate("press_emergency_stop")
     assert eventually(lambda: off.listen("robot_states", 1)[0].motion_state == 2)
     state, result = Client(off).begin().end()
     assert (state, result.success) == (GoalStatus.ABORTED, False)

@@ -216,7 +216,7 @@ def test_bad_requests_through_the_real_program(arm):
 
 
 def test_inputs_and_analog_outputs_are_read_and_written(arm):
-    arm.simulator.panel("set_input", index=3, value=1)
+    arm.simulator.operate("set_input", index=3, value=1)
     read = {"signal": "digital", "path": 0, "type": 0, "index": 3}
     assert eventually(lambda: arm.call("get_io", **read).value == 1.0)
     assert arm.call("set_io", signal="analog", type=0, index=1, value=4.5).ret == 1

@@ -51,13 +51,13 @@ def test_a_second_move_names_the_owner_and_many_calls_are_served_beside_a_move(a
 def test_an_emergency_stop_ends_the_move_with_its_name(arm):
     arm.go_home()
     call = begin(arm, "joint_move", pose=AWAY, mvvelo=0.05, mvacc=1.0)
-    arm.simulator.panel("press_emergency_stop")
+    arm.simulator.operate("press_emergency_stop")
     answer = call.join()
     assert answer.ret == 0 and "emergency stop" in answer.message
     standing = arm.call("clear_err")
     assert standing.ret == 0 and "release the emergency stop" in standing.message
     assert "emergency stop" in arm.call("power", data=True).message
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     cleared = arm.call("clear_err")
     assert cleared.ret == 1 and "power" in cleared.message and "enable" in cleared.message
     assert not arm.simulator.state()["is_powered"], "nothing energises by itself"

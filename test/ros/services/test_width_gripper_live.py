@@ -34,7 +34,7 @@ class Gripper:
         self._arm, self._keys, self._client = arm, keys, client
 
     def show(self, share):
-        self._arm.simulator.panel("set_input", bank=self._keys["input_bank"].replace("_slave", ""), signal="analog",
+        self._arm.simulator.operate("set_input", bank=self._keys["input_bank"].replace("_slave", ""), signal="analog",
                                   index=self._keys["analog_input"], value=share * self._keys["open_value"])
 
     def output(self):

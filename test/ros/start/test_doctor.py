@@ -120,8 +120,8 @@ def test_a_controller_that_a_driver_has_is_not_connected(ros_node, tmp_path):
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--single-client", "replace")) as simulator, \
             DriverProcess("driving", **on(simulator, guard=False)) as driver:
         next(line for line in driver.process.stdout if "driving a JAKA" in line)
-        assert eventually(lambda: simulator.panel("wire"))
-        before = simulator.panel("wire")["wire"]
+        assert eventually(lambda: simulator.operate("wire"))
+        before = simulator.operate("wire")["wire"]
         code, found = report(environment, "--node", "/driving")
         assert code == 0, found
         assert "parameters of /driving" in found["parameters"]["found"]
@@ -129,7 +129,7 @@ def test_a_controller_that_a_driver_has_is_not_connected(ros_node, tmp_path):
         assert found["command port"]["found"].startswith("left alone: node /driving")
         assert found["model"]["level"] == "skipped"
         assert "runs already" in found["node name"]["found"]
-        assert simulator.panel("wire")["wire"].keys() == before.keys()
+        assert simulator.operate("wire")["wire"].keys() == before.keys()
 
 
 def test_the_command_port_is_left_alone_while_the_arm_moves(graph):

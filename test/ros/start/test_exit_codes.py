@@ -85,7 +85,7 @@ def test_with_respawn_a_killed_driver_comes_again_and_powers_nothing(graph, simu
     launched = launch(graph, simulator, "respawn:=true", "guard:=false")
     assert eventually(lambda: simulator.state()["is_enabled"]), launched.output
     first = process_of(graph)
-    simulator.panel("reboot", down=1.0)
+    simulator.operate("reboot", down=1.0)
     assert eventually(lambda: not simulator.state()["is_powered"])
     os.kill(first, signal.SIGKILL)
     launched.wait_for_line("auto_enable: the driver was started again")

@@ -29,8 +29,8 @@ def healthy(arm, reports):
     assert eventually(lambda: {name for name, (level, _) in newest(reports).items() if level != OK}
                       == {"arm", "guard"}), newest(reports)
     yield arm
-    arm.simulator.panel("clear_faults")
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("clear_faults")
+    arm.simulator.operate("release_emergency_stop")
     arm.call("clear_err")
     assert arm.call("power", data=True).success and arm.call("enable", data=True).success
 
@@ -92,12 +92,12 @@ def test_it_comes_once_a_second(reports):
      "clear_faults"),
 ])
 def test_a_check_goes_bad_with_its_fault_and_good_again(healthy, reports, action, parameters, check, level, undo):
-    panel = healthy.simulator.panel
-    panel(action, **parameters)
+    operate = healthy.simulator.operate
+    operate(action, **parameters)
     if action == "refuse":
-        panel("close", port="command")
+        operate("close", port="command")
     assert eventually(lambda: newest(reports)[check][0] == level), newest(reports)[check]
-    panel(undo)
+    operate(undo)
     if undo == "release_emergency_stop":
         healthy.call("clear_err")
         assert healthy.call("power", data=True).success and healthy.call("enable", data=True).success

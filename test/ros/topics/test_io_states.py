@@ -110,8 +110,8 @@ def test_inputs_and_outputs_of_the_controller_are_told(arm):
     with collecting(arm.name + "/io_states", IOStates) as received:
         assert eventually(lambda: received), "a late subscriber gets the latched one"
         for bank, field in BANKS:
-            arm.simulator.panel("set_input", bank=bank, index=3, value=1)
-            arm.simulator.panel("set_input", bank=bank, index=0, signal="analog", value=4.5)
+            arm.simulator.operate("set_input", bank=bank, index=3, value=1)
+            arm.simulator.operate("set_input", bank=bank, index=0, signal="analog", value=4.5)
             assert eventually(lambda field=field: getattr(received[-1][1], field).digital_inputs[3]
                               and getattr(received[-1][1], field).analog_inputs[0] == 4.5), field
         assert arm.call("set_io", signal="digital", type=0, index=5, value=1.0).ret == 1
@@ -129,7 +129,7 @@ def test_an_edge_is_told_within_a_few_frames(arm):
         for n in range(10):
             seen = len(received)
             begun = time.monotonic()
-            arm.simulator.panel("set_input", index=7, value=1 - n % 2)
+            arm.simulator.operate("set_input", index=7, value=1 - n % 2)
             assert eventually(lambda n=n, seen=seen: any(
                 message.cabinet.digital_inputs[7] is (n % 2 == 0) for _, message in received[seen:]))
             delays.append(time.monotonic() - begun)
@@ -139,9 +139,9 @@ def test_an_edge_is_told_within_a_few_frames(arm):
 def test_a_silent_controller_is_not_told_of(arm):
     with collecting(arm.name + "/io_states", IOStates) as received:
         assert eventually(lambda: len(received) > 1)
-        arm.simulator.panel("refuse", port="status", duration_ms=3000)
-        arm.simulator.panel("close", port="status")
-        arm.simulator.panel("set_input", index=9, value=1)
+        arm.simulator.operate("refuse", port="status", duration_ms=3000)
+        arm.simulator.operate("close", port="status")
+        arm.simulator.operate("set_input", index=9, value=1)
         assert eventually(lambda: received[-1][1].cabinet.digital_inputs[9])
     stamps = [message.header.stamp.to_sec() for _, message in received]
     gap = max(after - before for before, after in zip(stamps, stamps[1:]))

@@ -25,7 +25,7 @@ def stamps(messages):
 def feed(arm):
     """Return the simulated controller's operator port; undo whatever was done to the feed."""
     yield arm.simulator
-    arm.simulator.panel("clear_faults")
+    arm.simulator.operate("clear_faults")
     assert eventually(lambda: rate_of(arm, 0.5) == pytest.approx(125.0, rel=0.1))
 
 
@@ -87,9 +87,9 @@ def test_motion_and_servo_mode_are_seen_in_robot_states(arm):
         assert eventually(lambda: newest().servo_state == 1)
         arm.call("servo_move_enable", enable=False)
         assert eventually(lambda: newest().servo_state == 0)
-        arm.simulator.panel("press_emergency_stop")
+        arm.simulator.operate("press_emergency_stop")
         assert eventually(lambda: newest().motion_state == 2)
-        arm.simulator.panel("release_emergency_stop")
+        arm.simulator.operate("release_emergency_stop")
         arm.call("clear_err")
         assert arm.call("power", data=True).success and arm.call("enable", data=True).success
         assert eventually(lambda: newest().motion_state == 0 and newest().power_state == 1)
@@ -131,7 +131,7 @@ def test_transforms_are_our_model_at_the_measured_joints_and_the_active_tool(arm
 
 
 def test_a_slow_feed_is_filled_up_with_samples_that_keep_their_stamp(arm, feed):
-    feed.panel("slow_feed", rate=40.0)
+    feed.operate("slow_feed", rate=40.0)
     with collecting(arm.name + "/joint_position", JointState) as received:
         def filled():
             """Return whether the last second has 125 messages, of 40 samples."""
@@ -164,10 +164,10 @@ def test_nothing_is_published_of_a_stale_state(arm, feed, rate, most):
     # A sample is stale 0.5 s after its arrival: at most 63 messages can be made of it, and one of a fast feed.
     with collecting(arm.name + "/joint_position", JointState) as received:
         if rate:
-            feed.panel("slow_feed", rate=rate)
+            feed.operate("slow_feed", rate=rate)
             assert eventually(lambda: len(received) > 200 and len(set(stamps(received[-100:]))) < 60)
         assert eventually(lambda: len(received) > 10)
-        feed.panel("stall", port="status", duration_ms=2500)
+        feed.operate("stall", port="status", duration_ms=2500)
         assert eventually(lambda: repeats_across_a_gap(received))
     assert repeats_across_a_gap(received) <= most
 
@@ -175,7 +175,7 @@ def test_nothing_is_published_of_a_stale_state(arm, feed, rate, most):
 def test_nothing_is_published_while_the_link_is_down(arm, feed):
     with collecting(arm.name + "/joint_position", JointState) as received:
         assert eventually(lambda: len(received) > 10)
-        feed.panel("refuse", port="status", duration_ms=2000)
-        feed.panel("close", port="status")
+        feed.operate("refuse", port="status", duration_ms=2000)
+        feed.operate("close", port="status")
         assert eventually(lambda: repeats_across_a_gap(received))
     assert repeats_across_a_gap(received) <= 3

@@ -117,28 +117,28 @@ def guided(one):
 
 def guided_and_pushed(one):
     guided(one)
-    one.panel("push", joint=1, velocity=10.0, duration=10.0)
+    one.operate("push", joint=1, velocity=10.0, duration=10.0)
 
 
 def guided_into_a_soft_limit(one):
     guided(one)
-    one.panel("push", joint=3, velocity=-90.0, duration=5.0)
+    one.operate("push", joint=3, velocity=-90.0, duration=5.0)
     assert eventually(lambda: not state_of(one).plant.is_hand_guided)
 
 
 def pressed(one):
-    one.panel("press_emergency_stop")
+    one.operate("press_emergency_stop")
 
 
 def released(one):
     pressed(one)
     assert eventually(lambda: one.arm.fresh_state().emergency_stop)
-    one.panel("release_emergency_stop")
+    one.operate("release_emergency_stop")
 
 
 def hit(one, **joint):
     one.arm.execute(c.SetCollisionLevel(1))
-    assert one.panel("hit", **joint)["noticed"]
+    assert one.operate("hit", **joint)["noticed"]
 
 
 def event(what):
@@ -150,20 +150,20 @@ def program(value):
 
 
 def shown(**fields):
-    return lambda one: one.panel("fields", add=fields)
+    return lambda one: one.operate("fields", add=fields)
 
 
 def restarted(one):
-    one.panel("reboot", down=0.1)
+    one.operate("reboot", down=0.1)
 
 
 def without_command_port(one):
-    one.panel("refuse", port="command", duration_ms=20000)
-    one.panel("close", port="command")
+    one.operate("refuse", port="command", duration_ms=20000)
+    one.operate("close", port="command")
 
 
 def silent(one):
-    one.panel("stall", port="status", duration_ms=20000)
+    one.operate("stall", port="status", duration_ms=20000)
 
 
 # state | its start | how it comes about | mode, e_stopped, drives_powered, motion_possible, in_motion, in_error, code

@@ -105,12 +105,12 @@ def read(message):
 def test_a_load_is_read_and_zeroed(arm):
     with collecting(arm.name + "/wrench", WrenchStamped) as received:
         assert eventually(lambda: received and read(received[-1][1]) == (0.0,) * 6)
-        arm.simulator.panel("load_force_sensor", fx=10.0, fy=-5.0, mz=0.5)
+        arm.simulator.operate("load_force_sensor", fx=10.0, fy=-5.0, mz=0.5)
         assert eventually(lambda: read(received[-1][1]) == (10.0, -5.0, 0.0, 0.0, 0.0, 0.5))
         answer = arm.call("zero_ftsensor")
         assert answer.success and answer.message == "the force sensor reads zero"
         assert eventually(lambda: read(received[-1][1]) == (0.0,) * 6)
-        arm.simulator.panel("load_force_sensor")
+        arm.simulator.operate("load_force_sensor")
         assert eventually(lambda: read(received[-1][1]) == (-10.0, 5.0, 0.0, 0.0, 0.0, -0.5))
     assert arm.call("zero_ftsensor").success
     assert received[-1][1].header.frame_id == "tool0"

@@ -273,16 +273,16 @@ def test_whatever_stops_the_arm_aborts_the_goal_and_nothing_resumes(arm, client,
     if trouble == "stop":
         arm.call("stop_move")
     elif trouble == "emergency stop":
-        arm.simulator.panel("press_emergency_stop")
+        arm.simulator.operate("press_emergency_stop")
     elif trouble == "collision":
-        arm.simulator.panel("hit", force=400.0)
+        arm.simulator.operate("hit", force=400.0)
     else:
-        arm.simulator.panel("reset", port="command")
+        arm.simulator.operate("reset", port="command")
     state, result = client.end(handle)
     assert state == "ABORTED" and result.error_code == PATH and words in result.error_string
     assert eventually(lambda: not arm.simulator.is_moving())
     since = now()
-    arm.simulator.panel("release_emergency_stop")
+    arm.simulator.operate("release_emergency_stop")
     time.sleep(1.0)  # what must not come has no other sign
     assert frames(log_file, since) == []
 
@@ -304,7 +304,7 @@ def test_tolerances_of_the_goal_hold(arm, client):
     arm.simulator.freeze_feed()
     state, result = client.end(handle)
     assert (state, result.error_code) == ("ABORTED", PATH) and "joint 1 is" in result.error_string
-    arm.simulator.panel("clear_faults")
+    arm.simulator.operate("clear_faults")
     assert eventually(lambda: not arm.simulator.is_moving())
     start = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
     arm.simulator.freeze_feed()
@@ -312,7 +312,7 @@ def test_tolerances_of_the_goal_hold(arm, client):
     # by less than the driver needs to notice that the feed does not show where the controller reports the arm
     state, result = client.run(goal_of([point(1.0, other(start, 0, start[0] + 0.004), REST)], end=[("joint_1", 0.002)],
                                        seconds=0.2))
-    arm.simulator.panel("clear_faults")
+    arm.simulator.operate("clear_faults")
     assert (state, result.error_code) == ("ABORTED", GOAL) and "joint 1" in result.error_string
 
 

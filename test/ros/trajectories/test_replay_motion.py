@@ -73,7 +73,7 @@ def guided(arm, shell):
     arm.listen("joint_position", 60)
     assert shell.run(found[""])[1].count("success: True") == 1
     for joint, speed, seconds in PUSHES:
-        assert arm.simulator.panel("push", joint=joint, velocity=speed, duration=seconds)["pushed"]
+        assert arm.simulator.operate("push", joint=joint, velocity=speed, duration=seconds)["pushed"]
         assert eventually(arm.simulator.is_moving) and eventually(lambda: not arm.simulator.is_moving())
     assert shell.run(found["led by hand"])[1].count("success: True") == 1
     shell.end("recorder")

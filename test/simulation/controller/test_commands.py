@@ -52,7 +52,7 @@ def test_emergency_stop_status(make_arm, firmware):
     arm = make_arm(firmware=firmware)
     with RawClient(arm.command_port) as client:
         assert client.ask("emergency_stop_status")["emergency_stop"] == 0
-        arm.panel("press_emergency_stop")
+        arm.operate("press_emergency_stop")
         assert client.ask("emergency_stop_status")["emergency_stop"] == 1
 
 
@@ -317,7 +317,7 @@ def test_the_index_of_the_first_terminal(make_arm, firmware, base, first):
         assert client.code("set_digital_output", type=0, index=4, value=1) == "0"
         assert client.ask("get_digital_output", type=0, index=4)["value"] == 1
         assert client.ask("get_data")["dout"].index(1) == 4 - first
-        arm.panel("set_input", index=4 - first, value=1)  # the panel counts as the feed does, from 0
+        arm.operate("set_input", index=4 - first, value=1)  # the panel counts as the feed does, from 0
         assert client.ask("get_digital_input", type=0, index=4)["value"] == 1
         below = {"type": 0, "index": first - 1}  # no other name of the first terminal
         before = client.ask("get_data")["dout"]

@@ -109,7 +109,7 @@ def test_axes_and_sensor_readings_have_content(make_arm):
         drive = ask(client, {"cmdName": "get_tool_drive_config"})
         assert (drive["opt"], drive["rigidity"], drive["rebound"]) == (
             [1] * 6, [axis + 0.5 for axis in range(6)], [2.0] * 6)
-        arm.panel("load_force_sensor", fx=1.5, fy=2.5, fz=3.5, mx=0.1, my=0.2, mz=0.3)
+        arm.operate("load_force_sensor", fx=1.5, fy=2.5, fz=3.5, mx=0.1, my=0.2, mz=0.3)
         reply = ask(client, {"cmdName": "get_torque_sensor_data", "type": 1})
         assert reply["torque_sensor_data"] == [1.5, 2.5, 3.5, 0.1, 0.2, 0.3]
 

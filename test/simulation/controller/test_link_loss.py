@@ -161,7 +161,7 @@ def test_restart_forgets_it(controller):
 
 
 def connected(arm):
-    return sum(1 for c in arm.panel("wire")["wire"]["connections"] if c["port"] == "command" and not c["half_open"])
+    return sum(1 for c in arm.operate("wire")["wire"]["connections"] if c["port"] == "command" and not c["half_open"])
 
 
 def send_far(client):
@@ -210,9 +210,9 @@ def test_half_open_connection_is_a_lost_client(arm, client, how):
     send_far(client)
     assert still_moves_after(arm, 2.0)
     if how == "panel":
-        arm.panel("half_open", port="command")
+        arm.operate("half_open", port="command")
     else:
-        arm.panel("fault", kind="half_open", port="command")
+        arm.operate("fault", kind="half_open", port="command")
         client.send(b'{"cmdName": "get_version"}')
     wait_for_abort(arm)
 
@@ -220,7 +220,7 @@ def test_half_open_connection_is_a_lost_client(arm, client, how):
 def test_client_behind_a_half_open_one_is_lost_when_it_goes(arm, client):
     ask_for_abort(client, 6.0)
     send_far(client)
-    arm.panel("half_open", port="command")
+    arm.operate("half_open", port="command")
     with RawClient(arm.command_port) as second:
         assert second.code("get_version") == "0"
         assert still_moves_after(arm, 10.0)
@@ -231,7 +231,7 @@ def test_client_behind_a_half_open_one_is_lost_when_it_goes(arm, client):
 def test_stall_that_outlasts_the_delay_is_a_lost_client(arm, client):
     ask_for_abort(client, 2.0)
     send_far(client)
-    arm.panel("stall", port="command", duration_ms=1500)
+    arm.operate("stall", port="command", duration_ms=1500)
     wait_for_abort(arm)
     assert client.code("get_version") == "0"  # it is served once the stall has ended, and its setting stands
     send_far(client)
@@ -242,7 +242,7 @@ def test_stall_that_outlasts_the_delay_is_a_lost_client(arm, client):
 def test_stall_that_ends_before_the_delay_is_none(arm, client):
     ask_for_abort(client, 10.0)
     send_far(client)
-    arm.panel("stall", duration_ms=100)
+    arm.operate("stall", duration_ms=100)
     assert client.code("get_version") == "0"
     assert still_moves_after(arm, 15.0)
 
@@ -252,7 +252,7 @@ def test_stall_that_is_prolonged_counts_from_its_beginning(arm, client):
     send_far(client)
     began = arm.state()["simulated_s"]
     while arm.state()["queue_length"]:
-        arm.panel("stall", port="command", duration_ms=1000)
+        arm.operate("stall", port="command", duration_ms=1000)
         assert arm.state()["simulated_s"] - began < 16.0
         time.sleep(0.02)  # between two prolongations
     wait_for_abort(arm)
@@ -261,8 +261,8 @@ def test_stall_that_is_prolonged_counts_from_its_beginning(arm, client):
 def test_stall_and_half_open_of_the_feed_lose_no_client(arm, client, feed):
     ask_for_abort(client, 0.5)
     send_far(client)
-    arm.panel("stall", port="status", duration_ms=300)
-    arm.panel("half_open", port="status")
+    arm.operate("stall", port="status", duration_ms=300)
+    arm.operate("half_open", port="status")
     assert still_moves_after(arm, 10.0)
 
 
@@ -271,6 +271,6 @@ def test_stall_without_a_client_does_not_bring_the_lost_one_back(arm):
         ask_for_abort(client, 10.0)
         send_far(client)
     wait_until(lambda: connected(arm) == 0, "the client to be gone")
-    arm.panel("stall", port="command", duration_ms=20)
+    arm.operate("stall", port="command", duration_ms=20)
     assert still_moves_after(arm, 1.0)
     wait_for_abort(arm)

@@ -69,7 +69,7 @@ def test_an_emergency_stop_ends_what_a_reply_waits_for(make_arm):
     arm = make_arm(start="off", power_delay=1000.0, time_scale=1.0)
     with RawClient(arm.command_port) as client:
         client.send(b'{"cmdName":"power_on"}{"cmdName":"stop_program"}')
-        arm.panel("press_emergency_stop")
+        arm.operate("press_emergency_stop")
         assert client.reply() == {"errorCode": "2", "errorMsg": "call power_on failed", "cmdName": "power_on"}
         assert client.reply()["errorCode"] == "0"
         assert not arm.state()["is_powered"]
@@ -141,7 +141,7 @@ def test_pause_and_resume_of_a_move(arm, client, feed):
 
 def test_emergency_stop_and_the_way_back(arm, client, feed):
     start_moving(client, feed)
-    arm.panel("press_emergency_stop")
+    arm.operate("press_emergency_stop")
     frame = feed.until(lambda frame: frame["emergency_stop"] == 1)[-1]
     assert (frame["powered_on"], frame["enabled"], frame["task_state"]) == (0, False, 1)
     assert (frame["errcode"], frame["errmsg"]) == ("0x309082", "emergency stop triggered")
@@ -151,7 +151,7 @@ def test_emergency_stop_and_the_way_back(arm, client, feed):
     assert client.code("power_on") == "2" and client.code("enable_robot") == "2"
     assert_nothing_moves(arm, client)
     assert feed.frame()["errcode"] == "0x309082"
-    arm.panel("release_emergency_stop")
+    arm.operate("release_emergency_stop")
     frame = feed.until(lambda frame: frame["emergency_stop"] == 0)[-1]
     assert (frame["powered_on"], frame["errcode"]) == (0, "0x309082")  # nothing comes back by itself
     assert client.code("clear_error") == "0"
@@ -169,8 +169,8 @@ def test_emergency_stop_while_energising(make_arm):
     arm = make_arm(start="off", power_delay=2.0)
     with RawClient(arm.command_port) as client:
         assert client.code("power_on") == "0"
-        arm.panel("press_emergency_stop")
-        arm.panel("release_emergency_stop")
+        arm.operate("press_emergency_stop")
+        arm.operate("release_emergency_stop")
         began = arm.state()["simulated_s"]
         wait_until(lambda: arm.state()["simulated_s"] > began + 5.0, "the delay to pass")
         assert not arm.state()["is_powered"]
@@ -180,9 +180,9 @@ def test_emergency_stop_while_energising(make_arm):
 def test_collision_depends_on_the_level(arm, client, feed, level):
     assert client.code("set_clsn_sensitivity", sensitivityVal=level) == "0"
     start_moving(client, feed)
-    assert arm.panel("hit", force=25.0 * level - 1.0)["noticed"] is False
+    assert arm.operate("hit", force=25.0 * level - 1.0)["noticed"] is False
     assert feed.frame()["protective_stop"] == 0
-    assert arm.panel("hit", force=25.0 * level)["noticed"] is True
+    assert arm.operate("hit", force=25.0 * level)["noticed"] is True
     frame = feed.until(lambda frame: frame["protective_stop"] == 1)[-1]
     assert frame["errcode"] == "0xf0034" and frame["enabled"] is True and frame["powered_on"] == 1
     wait_until(lambda: not arm.state()["is_moving"], "standstill")
@@ -198,9 +198,9 @@ def test_collision_depends_on_the_level(arm, client, feed, level):
 
 def test_collision_detection_switched_off_and_of_one_joint(arm, client, feed):
     assert client.code("set_clsn_sensitivity", sensitivityVal=0) == "0"
-    assert arm.panel("hit", force=100000.0)["noticed"] is False
+    assert arm.operate("hit", force=100000.0)["noticed"] is False
     assert client.code("set_clsn_sensitivity", sensitivityVal=1) == "0"
-    assert arm.panel("hit", force=100.0, joint=3)["noticed"] is True
+    assert arm.operate("hit", force=100.0, joint=3)["noticed"] is True
     assert feed.until(lambda frame: frame["protective_stop"])[-1]["errcode"] == "0x20061"
 
 
@@ -209,7 +209,7 @@ def test_collision_in_servo_mode_and_the_way_back(arm, client, feed):
     assert client.code("servo_move", relFlag=1) == "0"
     for step in range(1, 20):
         assert client.code("servo_j", jointPosition=[0.2 * step, *HOME[1:]]) == "0"
-    arm.panel("hit")
+    arm.operate("hit")
     feed.until(lambda frame: frame["protective_stop"])
     assert client.ask("is_in_servomove")["in_servomove"] is False
     assert client.code("servo_j", jointPosition=HOME) == "-1"
@@ -258,20 +258,20 @@ def test_jog_runs_until_it_is_stopped(arm, client, feed):
 
 
 def test_hand_guiding(arm, client, feed):
-    assert arm.panel("push", joint=1, velocity=10.0)["pushed"] is False
+    assert arm.operate("push", joint=1, velocity=10.0)["pushed"] is False
     assert client.code("torque_control_enable", enable_flag=1) == "0"
     frame = feed.until(lambda frame: frame["drag_status"])[-1]
     assert frame["task_mode"] == 4
     for command, parameters in MOTION:
         assert client.code(command, **parameters) == "2"
     assert client.code("set_clsn_sensitivity", sensitivityVal=1) == "2"
-    assert arm.panel("push", joint=1, velocity=10.0, duration=1.0)["pushed"] is True
+    assert arm.operate("push", joint=1, velocity=10.0, duration=1.0)["pushed"] is True
     feed.until(lambda frame: frame["joint_actual_position"][0] > 5.0)
     wait_until(lambda: not arm.state()["is_moving"], "the end of the push")
     assert 5.0 < arm.state()["joint_position"][0] < 30.0
     before = arm.state()["joint_position"][1]
-    assert arm.panel("push", joint=2, velocity=1.0, duration=0.1)["pushed"] is True
-    assert arm.panel("push", joint=2, velocity=10.0, duration=2.0)["pushed"] is True
+    assert arm.operate("push", joint=2, velocity=1.0, duration=0.1)["pushed"] is True
+    assert arm.operate("push", joint=2, velocity=10.0, duration=2.0)["pushed"] is True
     wait_until(lambda: abs(arm.state()["joint_position"][1] - before) > 10.0, "a push after the one before")
     wait_until(lambda: not arm.state()["is_moving"], "the end of the push")
     assert client.code("torque_control_enable", enable_flag=0) == "0"

@@ -55,7 +55,7 @@ def test_what_one_client_has_set_for_its_loss_follows_its_own_loss_only(arm):
         wait_until(lambda: other.ask("get_motion_state")["queue"] == 0, "the end of the motion")
         wait_until(lambda: other.code("joint_move", jointPosition=[-200, 90, -90, 90, 90, 0], speed=2) == "0",
                    "the next move")
-        arm.panel("stall", port="command", duration_ms=100)  # whose loss it was is gone, and what it had set
+        arm.operate("stall", port="command", duration_ms=100)  # whose loss it was is gone, and what it had set
         assert other.ask("get_motion_state")["queue"] == 1
 
 
@@ -82,7 +82,7 @@ def test_idle_connections_lock_nobody_out(arm, port):
             with RawClient(arm.poll_port) as asking:
                 assert json.loads(poll(asking))["enabled"] is True
         else:
-            assert ask_operator_port(arm.panel_port, {"action": "state"})["ok"] is True
+            assert ask_operator_port(arm.operator_port, {"action": "state"})["ok"] is True
 
 
 def test_the_feed_that_came_with_the_command_client_outlives_idle_ones(arm):
@@ -102,7 +102,7 @@ def test_second_client_is_refused_where_that_is_asked_for(make_arm):
         with RawClient(arm.command_port) as second:
             assert second.is_closed()
         assert first.code("get_version") == "0"
-    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "the first to be gone")
+    wait_until(lambda: not arm.operate("wire")["wire"]["connections"], "the first to be gone")
     with RawClient(arm.command_port) as third:
         assert third.code("get_version") == "0"
 
@@ -144,7 +144,7 @@ def test_a_megabyte_without_an_end_is_refused_and_not_kept(arm, client):
         while True:
             assert client.reply(0.3)["errorCode"] == "1"
     assert client.ask("get_version")["errorCode"] == "0"
-    assert arm.panel("wire")["wire"]["connections"][0]["unsent_bytes"] == 0
+    assert arm.operate("wire")["wire"]["connections"][0]["unsent_bytes"] == 0
 
 
 def test_status_goes_to_several_clients_and_a_slow_one_blocks_nobody(make_arm):
@@ -231,7 +231,7 @@ def test_clients_that_come_and_go_leave_nothing(arm):
             if number % 2:
                 link.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             link.close()
-    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "all to be gone")
+    wait_until(lambda: not arm.operate("wire")["wire"]["connections"], "all to be gone")
     with RawClient(arm.command_port) as client:
         assert client.code("get_version") == "0"
 

@@ -66,8 +66,8 @@ class Bench:
             assert eventually(lambda: self.arm.is_ready)
         return self.arm
 
-    def panel(self, action, **parameters):
-        return self.controller.panel(action, **parameters)
+    def operate(self, action, **parameters):
+        return self.controller.operate(action, **parameters)
 
     def requests(self, name):
         """Count the requests of this name that have come in, while the controller runs."""

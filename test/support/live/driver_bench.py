@@ -39,13 +39,13 @@ class SimulatorProcess:
         self.ports = json.loads(self._process.stdout.readline())
         self.command_port, self.status_port = self.ports["command_port"], self.ports["status_port"]
 
-    def panel(self, action, **parameters):
+    def operate(self, action, **parameters):
         answer = ask_operator_port(self.ports["panel_port"], dict(parameters, action=action))
         assert answer.pop("ok"), answer
         return answer
 
     def state(self):
-        return self.panel("state")["state"]
+        return self.operate("state")["state"]
 
     def is_moving(self):
         return self.state()["is_moving"]
@@ -53,12 +53,12 @@ class SimulatorProcess:
     def freeze_feed(self):
         """Have the feed show the arm where it is now, joints and tool: a pose that moves alone is a contradiction."""
         now = self.state()
-        self.panel("fields", add={"joint_actual_position": now["joint_position"], "actual_position": now["tcp_pose"]})
+        self.operate("fields", add={"joint_actual_position": now["joint_position"], "actual_position": now["tcp_pose"]})
 
     def make_well(self):
         """Undo what a test, or one that failed before, has done to the feed, and release the emergency stop."""
-        self.panel("clear_faults")
-        self.panel("release_emergency_stop")
+        self.operate("clear_faults")
+        self.operate("release_emergency_stop")
 
     def close(self):
         self._process.terminate()

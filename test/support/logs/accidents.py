@@ -13,7 +13,7 @@ from live_samples import twist_connection, twist_frame
 from ros_graph import Graph, Process, all_read, with_subscribers
 from waiting import wait_until
 
-from jaka_bag.containers.contract import Message
+from jaka_bag.containers.interface import Message
 from jaka_bag.containers.registry import open_log, read_index, read_metadata
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.live.publisher import frame_of

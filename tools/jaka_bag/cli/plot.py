@@ -3,7 +3,7 @@ import argparse
 from pathlib import Path
 from typing import Sequence, Tuple
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.registry import open_log
 from ..errors import BagError, DefinitionError, UsageError
 from ..messages.selection import Selection, require_match

@@ -21,7 +21,7 @@ from .index import (
 from .packed_messages import ZSTD
 
 if TYPE_CHECKING:  # an index is read without numpy
-    from .contract import LogReader, LogWriter
+    from .interface import LogReader, LogWriter
     from .recovery import LogRecovery
 
 

@@ -5,8 +5,8 @@ import numpy as np
 
 from ..messages.batch import MessageBatch, concatenate, converted, distinct
 from ..messages.encodings import Ros1Form, described, ros1_form
-from .contract import LogReader
 from .index import AttachmentIndex, ChunkRef, MetadataIndex
+from .interface import LogReader
 
 
 class Ros1View(LogReader):

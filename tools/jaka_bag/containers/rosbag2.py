@@ -12,7 +12,7 @@ from ..messages.cdr import CdrConverter, cdr_batch
 from ..messages.connection import Connection
 from ..output_file import OutputFolder
 from ..paths import PathLike
-from .contract import EncodedChunk
+from .interface import EncodedChunk
 from .mcap.writer import McapWriter
 
 _VERSION = 8  # of metadata.yaml; the newest that the readers of both supported rosbags generations know

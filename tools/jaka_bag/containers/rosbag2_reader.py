@@ -6,8 +6,8 @@ import numpy as np
 
 from ..messages.batch import Array, MessageBatch
 from ..paths import PathLike
-from .contract import LogReader
 from .index import METADATA, ChunkRef, LogIndex, open_for_reading
+from .interface import LogReader
 from .rosbag2_declarations import declarations
 from .rosbag2_folder import Rosbag2Folder, describe
 

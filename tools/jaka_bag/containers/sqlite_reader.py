@@ -7,8 +7,8 @@ import numpy as np
 
 from ..errors import BagFormatError, LimitReached
 from ..messages.batch import MessageBatch, with_payloads
-from .contract import LogReader
 from .index import ChunkRef, LogIndex
+from .interface import LogReader
 from .packed_messages import unpacked
 from .sqlite_records import open_database
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..messages.batch import Array, MessageBatch, concatenate, pieces_of
 from ..messages.selection import MessageFilter, Selection
-from .contract import LogReader, Message
 from .index import ChunkRef
+from .interface import LogReader, Message
 
 _PIECE = 1 << 20
 _MOST_HELD = 1 << 18

@@ -5,7 +5,7 @@ from typing import Any, Callable, Collection, Dict, Iterator, List, NamedTuple, 
 
 import numpy as np
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.registry import open_log
 from ..containers.ros1_view import as_ros1_log
 from ..containers.time_order import Source, in_time_order

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from ..containers.contract import LogWriter
+from ..containers.interface import LogWriter
 from ..containers.registry import create_log
 from ..errors import BagError, WriteFailed
 from ..log_records import DROPS, RECORDING

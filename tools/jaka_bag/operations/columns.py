@@ -7,8 +7,8 @@ from typing import Container, Dict, Iterator, List, Mapping, Optional, Sequence,
 
 import numpy as np
 
-from ..containers.contract import LogReader
 from ..containers.index import ChunkRef
+from ..containers.interface import LogReader
 from ..containers.registry import open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError, DefinitionError

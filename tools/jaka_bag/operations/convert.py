@@ -20,8 +20,8 @@ from typing import (
 
 import numpy as np
 
-from ..containers.contract import EncodedChunk, LogReader, LogWriter
 from ..containers.index import ChunkRef
+from ..containers.interface import EncodedChunk, LogReader, LogWriter
 from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
 from ..containers.ros1_view import as_ros1_log

@@ -4,7 +4,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.recovery import LogRecovery
 from ..containers.registry import open_damaged, open_log
 from ..errors import BagError, BagFormatError, DefinitionError

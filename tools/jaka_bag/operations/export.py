@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 
 import numpy as np
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError, DefinitionError
 from ..messages.batch import Array

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.registry import create_log, open_log
 from ..errors import BagError, UsageError
 from ..messages.selection import MessageFilter, Selection

@@ -5,7 +5,7 @@ from typing import Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogReader
+from ..containers.interface import LogReader
 from ..containers.registry import create_log, open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError

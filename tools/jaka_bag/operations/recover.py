@@ -6,7 +6,7 @@ from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogWriter
+from ..containers.interface import LogWriter
 from ..containers.recovery import LogRecovery, Loss
 from ..containers.registry import create_log, open_damaged
 from ..errors import BagError, BagFormatError

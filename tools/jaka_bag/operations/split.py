@@ -6,7 +6,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogWriter
+from ..containers.interface import LogWriter
 from ..containers.registry import create_log, open_log
 from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError

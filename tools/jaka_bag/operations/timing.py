@@ -6,8 +6,8 @@ from typing import Any, Dict, Iterator, List, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogReader
 from ..containers.index import ChunkRef
+from ..containers.interface import LogReader
 from ..containers.registry import open_log
 from ..errors import DefinitionError
 from ..messages.batch import Array, distinct

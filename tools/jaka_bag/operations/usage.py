@@ -6,8 +6,8 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ..containers.contract import LogReader
 from ..containers.index import ChunkRef
+from ..containers.interface import LogReader
 from ..messages.batch import Array
 from ..pipeline import in_order
 from .convert import OnProgress

@@ -8,7 +8,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 import numpy as np
 
-from jaka_bag.containers.contract import LogReader, Message
+from jaka_bag.containers.interface import LogReader, Message
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.driver_interface import CALL_TYPE, DIAGNOSTICS_TYPE, STATE_TYPE

@@ -14,8 +14,8 @@ from typing import BinaryIO, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from jaka_bag.containers.contract import LogReader
 from jaka_bag.containers.index import METADATA, PACKED_SUFFIXES, open_for_reading, storage_files
+from jaka_bag.containers.interface import LogReader
 from jaka_bag.containers.registry import open_log
 from jaka_bag.engines.tasks import DONE, SKIPPED, LogResult, LogTask
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, UsageError

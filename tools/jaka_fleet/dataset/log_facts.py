@@ -6,7 +6,7 @@ import json
 import re
 from typing import Any, Dict, Iterator, NamedTuple, Tuple
 
-from jaka_bag.containers.contract import LogReader
+from jaka_bag.containers.interface import LogReader
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.errors import DefinitionError

@@ -9,10 +9,10 @@ log_limit       how many log lines peers can cause
 access          who may ask: Host, Origin, headers, the token
 files           the page's own files, and those of the arms' meshes
 simulator_link  the simulated controller's operator port
-arm_desk        all that belongs to one arm
+arm_session     the session with one arm's driver: all that belongs to it
 hub             arms and pages: states to the pages, control, the stop
 commands        what a page may ask for beside jog and stop
-cell_desk       the data of the cell: to all pages, and changes of them
+shared_cell     the data of the cell: to all pages, and changes of them
 teaching        the present pose, frames and tools from poses
 session         one page: its messages out, what it watches and moves
 websocket_session  the WebSocket session of a page, from hello to the end

@@ -26,9 +26,9 @@ from ..graph.calls import Calls
 from ..plans.plan_store import LogDirectory, PlanStore
 from ..settings import Settings
 from . import simulator_link
-from .arm_desk import ArmDesk
-from .cell_desk import CellDesk
+from .arm_session import ArmSession
 from .session import COSTLY_BURST, COSTLY_RATE, Session, T, run_in
+from .shared_cell import SharedCell
 
 _LOG = logging.getLogger(__name__)
 RATE = 30.0
@@ -101,14 +101,14 @@ class Hub:
 
     def __init__(self, settings: Settings, finder: ArmFinder) -> None:
         self.settings = settings
-        self.arms: Dict[str, ArmDesk] = {}
+        self.arms: Dict[str, ArmSession] = {}
         self.pages: Dict[str, Session] = {}
         self.control = Control()
         self.jog = JogHold(self._say, self.tell)
         self.calls = Calls()
         self.plans = PlanStore()
         self.logs = LogDirectory(settings.logs)
-        self.cell = CellDesk(settings.cell_data, settings.read_only, self.tell_all)
+        self.cell = SharedCell(settings.cell_data, settings.read_only, self.tell_all)
         self._finder = finder
         self._graph = ThreadPoolExecutor(1, "graph")
         self._looks: Optional[asyncio.Event] = None
@@ -167,8 +167,8 @@ class Hub:
         await asyncio.gather(*self._stopping, return_exceptions=True)
         for task in list(self._tasks):
             task.cancel()
-        for desk in self.arms.values():
-            desk.close()
+        for session in self.arms.values():
+            session.close()
         self._graph.shutdown(wait=False)
         await self.cell.close()
 
@@ -225,11 +225,11 @@ class Hub:
         """Send a page all that is known of the arms that it has begun to watch."""
         now = time.monotonic()
         for arm in page.watched:
-            desk = self.arms.get(arm)
-            if desk is None:
+            session = self.arms.get(arm)
+            if session is None:
                 continue
-            state = desk.next_state(now, True)
-            for message in [state, *desk.named(desk.feed.snapshot(now))]:
+            state = session.next_state(now, True)
+            for message in [state, *session.named(session.feed.snapshot(now))]:
                 if message is not None:
                     page.send(message)
         if self._looks is not None:
@@ -265,8 +265,8 @@ class Hub:
             self._end_jog_of(None, "control lost")
             self.set_jog_fraction(min(FRACTION, self.settings.jog_fraction))
             holder = self.pages.get(self.control.holder or "")
-            for desk in self.arms.values():
-                desk.feed.note("info", "nobody has control" if holder is None else "control: %s" % holder.name)
+            for session in self.arms.values():
+                session.feed.note("info", "nobody has control" if holder is None else "control: %s" % holder.name)
         for page in list(self.pages.values()):
             page.send({"t": "control", **self._control_for(page)})
 
@@ -288,11 +288,11 @@ class Hub:
     def heartbeat(self, page: Session, beat: Heartbeat, lateness: float) -> None:
         """Handle a heartbeat of the page that has control."""
         now = time.monotonic()
-        desk = self.arms[beat.arm]
-        if not desk.jog.is_heard(beat.space):
+        session = self.arms[beat.arm]
+        if not session.jog.is_heard(beat.space):
             self.jog.refuse(page.id, beat, "the driver does not listen to this panel")
             return
-        self.jog.heartbeat(page.id, beat, lateness, desk.place(now), desk.limits, now)
+        self.jog.heartbeat(page.id, beat, lateness, session.place(now), session.limits, now)
         if self.jog.arm is not None and self._jog_timer is None:
             self._jog_timer = asyncio.get_event_loop().call_later(_JOG_LOOK_S, self._look_at_jog)
 
@@ -314,18 +314,18 @@ class Hub:
             self.jog.end(why)
 
     def _say(self, velocity: Velocity) -> None:
-        desk = self.arms.get(velocity.arm)
-        if desk is not None:
-            desk.jog.publish(velocity.space, velocity.values)
+        session = self.arms.get(velocity.arm)
+        if session is not None:
+            session.jog.publish(velocity.space, velocity.values)
 
     async def stop(self, arm: Optional[str]) -> str:
         """Stop one arm, or all; return which did not confirm it, empty if all have stopped."""
         self.jog.end("stopped", arm)
-        desks = [self.arms[arm]] if arm is not None else list(self.arms.values())
-        for desk in desks:
-            desk.cancel()
-        errors = await asyncio.gather(*(desk.stopper.stop() for desk in desks))
-        return "; ".join("%s: %s" % (desk.driver.node, error) for desk, error in zip(desks, errors) if error)
+        sessions = [self.arms[arm]] if arm is not None else list(self.arms.values())
+        for session in sessions:
+            session.cancel()
+        errors = await asyncio.gather(*(session.stopper.stop() for session in sessions))
+        return "; ".join("%s: %s" % (session.driver.node, error) for session, error in zip(sessions, errors) if error)
 
     # ---- over and over ----
 
@@ -333,7 +333,7 @@ class Hub:
         due = time.monotonic()
         while True:
             due = max(due + 1.0 / RATE, time.monotonic())
-            heard = max((desk.feed.joints_heard_at for desk in self.arms.values()), default=-1e9)
+            heard = max((session.feed.joints_heard_at for session in self.arms.values()), default=-1e9)
             await asyncio.sleep(behind_a_sample(due, heard) - time.monotonic())
             try:
                 self._tick(time.monotonic())
@@ -342,16 +342,16 @@ class Hub:
 
     def _tick(self, now: float) -> None:
         watched = {arm for page in self.pages.values() for arm in page.watched}
-        for arm, desk in self.arms.items():
+        for arm, session in self.arms.items():
             readers = [page for page in self.pages.values() if arm in page.watched]
-            for message in desk.named(desk.feed.take_news(now)):
+            for message in session.named(session.feed.take_news(now)):
                 _send_all(readers, message)
-            plot = desk.next_plot(now)
+            plot = session.next_plot(now)
             if arm not in watched:
                 continue
             if plot is not None:
                 _send_all([page for page in readers if page.plots], plot)
-            state = desk.next_state(now)
+            state = session.next_state(now)
             if state is not None:
                 text = json.dumps(state)
                 for page in readers:
@@ -384,28 +384,28 @@ class Hub:
             except asyncio.TimeoutError:
                 pass
 
-    def _look(self, arms: Dict[str, ArmDesk], watched: Set[str]) -> Dict[str, ArmDesk]:
+    def _look(self, arms: Dict[str, ArmSession], watched: Set[str]) -> Dict[str, ArmSession]:
         """Ask the master, subscribe and advertise, in a thread that may wait; the arms that are there from now on."""
         found: Optional[Dict[str, Driver]] = self._finder.find()
         now = time.monotonic()
         for node, driver in (found or {}).items():
             if node not in arms:
-                arms[node] = ArmDesk(driver, self.settings.simulator_port)
-        for node, desk in arms.items():
-            desk.is_listed = found is None or node in found
-            desk.look((found or {}).get(node, desk.driver), node in watched, now)
+                arms[node] = ArmSession(driver, self.settings.simulator_port)
+        for node, session in arms.items():
+            session.is_listed = found is None or node in found
+            session.look((found or {}).get(node, session.driver), node in watched, now)
         return arms
 
     async def _ask_simulators_for_ever(self) -> None:
         while True:
-            for desk in list(self.arms.values()):
-                desk.simulator_port = self.settings.simulator_port or desk.driver.simulator_port
-                desk.has_simulator = bool(desk.feed.simulated and desk.simulator_port) and bool(
-                    (await simulator_link.ask(desk.simulator_port, {"action": "state"})).get("ok"))
+            for session in list(self.arms.values()):
+                session.simulator_port = self.settings.simulator_port or session.driver.simulator_port
+                session.has_simulator = bool(session.feed.simulated and session.simulator_port) and bool(
+                    (await simulator_link.ask(session.simulator_port, {"action": "state"})).get("ok"))
             await asyncio.sleep(LOOK_S)
 
     def _arms(self, now: float) -> List[Dict[str, Any]]:
-        return [desk.shown(now) for _, desk in sorted(self.arms.items())]
+        return [session.shown(now) for _, session in sorted(self.arms.items())]
 
     def _tell_arms(self) -> None:
         """Send the arms to all pages if anything has changed."""

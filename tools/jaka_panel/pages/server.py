@@ -98,14 +98,14 @@ class Server:
                                   "arms": json.loads(self._hub.arms_told)["arms"]})
 
     async def _description(self, request: web.Request) -> web.StreamResponse:
-        desk = self._hub.arms.get(request.query.get("arm", ""))
-        if desk is None or desk.description is None:
+        arm = self._hub.arms.get(request.query.get("arm", ""))
+        if arm is None or arm.description is None:
             return web.Response(status=404, text="no description of this arm\n")
-        return web.Response(text=desk.description.text, content_type="application/xml")
+        return web.Response(text=arm.description.text, content_type="application/xml")
 
     async def _mesh(self, request: web.Request) -> web.StreamResponse:
-        desk = self._hub.arms.get(request.query.get("arm", ""))
-        about = desk.description if desk is not None else None
+        arm = self._hub.arms.get(request.query.get("arm", ""))
+        about = arm.description if arm is not None else None
         uri = request.query.get("uri", "")
         path = None if about is None else await asyncio.get_event_loop().run_in_executor(None, about.mesh_file, uri)
         if path is None:

@@ -6,18 +6,18 @@ from ..graph.calls import Calls
 from ..graph.requests import Args, CallResult, WrongRequest, numbers
 from ..teach.tool_centre import tool_centre
 from ..teach.user_frame import CannotTeach, user_frame
-from .arm_desk import ArmDesk
+from .arm_session import ArmSession
 
 _SLACK_S = 8.0
 _COMPUTE_S = 5.0
 _MOST = 20
 
 
-async def present_pose(calls: Calls, desk: ArmDesk) -> CallResult:
+async def present_pose(calls: Calls, arm: ArmSession) -> CallResult:
     """Return the pose at which the arm rests."""
-    if not desk.is_listed:
+    if not arm.is_listed:
         return CallResult(False, "the driver is not there")
-    answer: CallResult = await calls.run(lambda: resting_pose(desk.feed), WAIT_S + _SLACK_S)
+    answer: CallResult = await calls.run(lambda: resting_pose(arm.feed), WAIT_S + _SLACK_S)
     return answer
 
 

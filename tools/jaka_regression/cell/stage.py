@@ -99,7 +99,7 @@ class CellStage(Stage):
         """Set what is set before the nodes begin: events at once after the beginning."""
         first = [event for event in self._scenario.events if event.after == BEGIN and event.delay_s == 0.0]
         for event in first:
-            self._say_to_panel(event)
+            self._say_to_operator_port(event)
         if first:
             time.sleep(_SETTLE_S)
 

@@ -9,8 +9,8 @@ from typing import Callable, Container, Dict, Iterable, List, NamedTuple, Option
 
 import numpy as np
 
-from ...containers.contract import LogReader
 from ...containers.index import ChunkRef
+from ...containers.interface import LogReader
 from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError

@@ -12,10 +12,10 @@ from ...errors import BagFormatError
 from ...messages.batch import Array, MessageBatch, RowStore, windows
 from ...messages.connection import Connection
 from ...units import NS_PER_S
-from .. import contract
+from .. import interface
 from ..compression import decompress
-from ..contract import LogReader, ParsedChunk
 from ..index import Buffer, ChunkRef
+from ..interface import LogReader, ParsedChunk
 from . import records as fmt
 
 _HEAD = 46
@@ -105,11 +105,11 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None, is_open: bool =
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> ParsedChunk:
-    """Return the records of a bag chunk; see ``contract.parse_chunk``."""
+    """Return the records of a bag chunk; see ``interface.parse_chunk``."""
     def head_size(at: int) -> int:
         return 8 + int(_U32.unpack_from(raw, at)[0]) if at + 4 <= len(raw) else 0
 
-    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end), head_size)
+    return interface.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end), head_size)
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:

@@ -5,8 +5,8 @@ from typing import Dict, Generator, Iterator, List, Optional, Set, Tuple
 from ...errors import BagFormatError
 from ...messages.batch import Array
 from ...messages.connection import Connection
-from ..contract import ParsedChunk
 from ..index import ChunkHead, read_at
+from ..interface import ParsedChunk
 from ..recovery import LogRecovery, Stretch, soundness
 from . import records as fmt
 from .reader import index_entries, offsets_in, parse_chunk, scan

@@ -12,8 +12,8 @@ from ...messages.batch import MessageBatch, RowStore
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..contract import LogReader, chunk_of
 from ..index import ChunkRef, LogIndex, read_at
+from ..interface import LogReader, chunk_of
 from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .records import parse_chunk_head

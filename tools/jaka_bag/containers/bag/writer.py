@@ -8,7 +8,7 @@ from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
 from ...units import NS_PER_S
 from ..compression import BAG_CODECS
-from ..contract import EncodedChunk, LogWriter, by_connection, message_records
+from ..interface import EncodedChunk, LogWriter, by_connection, message_records
 from . import records as fmt
 from .reader import ENTRY_TYPE
 

@@ -11,10 +11,10 @@ import numpy as np
 from ...errors import BagFormatError
 from ...messages.batch import Array, MessageBatch, RowStore, windows
 from ...messages.connection import Connection
-from .. import contract
+from .. import interface
 from ..compression import decompress
-from ..contract import LogReader, ParsedChunk
 from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
+from ..interface import LogReader, ParsedChunk
 from ..packed_messages import may_be_packed, plain
 from . import records as fmt
 
@@ -105,9 +105,9 @@ def scan(raw: Buffer, channels: Channels, begin: int = 0, end: Optional[int] = N
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], channels: Channels) -> ParsedChunk:
-    """Return the records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``channels``, ``scan``."""
+    """Return the records of an MCAP chunk; see ``interface.parse_chunk`` and, for ``channels``, ``scan``."""
     before = dict(channels.renamed)
-    parsed = contract.parse_chunk(raw, None if before else offset, _regular_mcap,
+    parsed = interface.parse_chunk(raw, None if before else offset, _regular_mcap,
                                   lambda begin, end: scan(raw, channels, begin, end), lambda at: _HEAD)
     if channels.renamed != before:  # within the chunk: which definition holds depends on the place
         channels.renamed = before

@@ -16,8 +16,8 @@ from ...messages.batch import MessageBatch
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..contract import chunk_of
 from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
+from ..interface import chunk_of
 from ..recovery import LogRecovery, Stretch
 from . import records as fmt
 from .reader import Channels, index_entries, offsets_in, parse_chunk, scan

@@ -8,8 +8,8 @@ from typing import Callable, Container, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
-from ..contract import ParsedChunk
 from ..index import Buffer
+from ..interface import ParsedChunk
 from . import records as fmt
 
 _FIRST_WINDOW, _WINDOW = 1 << 14, 1 << 22

@@ -9,8 +9,8 @@ from ...errors import BagError
 from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
 from ..compression import MCAP_CODECS
-from ..contract import Capabilities, EncodedChunk, LogWriter, by_connection, message_records
 from ..index import Buffer
+from ..interface import Capabilities, EncodedChunk, LogWriter, by_connection, message_records
 from . import records as fmt
 from .reader import HEAD_TYPE
 

@@ -33,7 +33,7 @@ class _Upload(NamedTuple):
     parts: List[str]
 
 
-class CellDesk:
+class SharedCell:
     """The cell's data for all pages of a hub; in the hub's loop."""
 
     def __init__(self, path: str, is_read_only: bool, tell_all: Callable[[Dict[str, Any]], None]) -> None:

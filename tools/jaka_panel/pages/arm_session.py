@@ -1,4 +1,4 @@
-"""All that belongs to one arm: its feed, its stop, its jog topics, its description, what runs on it."""
+"""The session with the driver of one arm: its feed, its stop, its jog topics, its description, what runs on it."""
 import threading
 from typing import Any, Dict, List, Optional, Set
 
@@ -16,8 +16,8 @@ _PLOT_S = 0.12
 _LONGEST_PLOT = 100
 
 
-class ArmDesk:
-    """One arm, as pages see it.
+class ArmSession:
+    """One arm and the session with its driver, as pages see it.
 
     Attributes:
         driver: The driver as the master knows it.

@@ -1,4 +1,4 @@
-"""A wire log as a script: pieces at their times, replies by name and number."""
+"""A wire log as a recorded session: pieces at their times, replies by name and number."""
 import json
 import time
 
@@ -28,44 +28,44 @@ def tell(seconds, name, value, connection=2):
 
 
 def test_status_bytes_keep_their_times_whatever_they_are():
-    script = recorded_session([event(5.0, "status", 1, "open"), event(5.5, "status", 1, "out", b"\x00half a fr"),
+    session = recorded_session([event(5.0, "status", 1, "open"), event(5.5, "status", 1, "out", b"\x00half a fr"),
                                event(5.6, "status", 1, "out", b"ame"), event(6.0, "status", 1, "reset")])
-    (only,) = script.connections["status"]
+    (only,) = session.connections["status"]
     assert [(round(piece.at, 6), piece.data) for piece in only.pieces] == [(0.5, b"\x00half a fr"), (0.6, b"ame")]
     assert (only.opened, only.ended, only.how) == (0.0, pytest.approx(1.0), "reset")
-    assert script.duration == pytest.approx(1.0)
+    assert session.duration == pytest.approx(1.0)
 
 
 def test_the_nth_reply_of_a_name_answers_the_nth_request_of_that_name():
-    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), ask(1.2, "a"),
+    session = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), ask(1.2, "a"),
                                tell(1.3, "b", 1), tell(1.4, "a", 2), tell(1.6, "a", 3)])
-    first, second = script.replies.next("a"), script.replies.next("a")
+    first, second = session.replies.next("a"), session.replies.next("a")
     assert (first.after, first.data) == (pytest.approx(0.4), b'{"cmdName":"a","v":2}\n')
     assert (second.after, second.data) == (pytest.approx(0.4), b'{"cmdName":"a","v":3}\n')
-    assert script.replies.next("b").after == pytest.approx(0.2)
-    assert script.replies.answered == 3
+    assert session.replies.next("b").after == pytest.approx(0.2)
+    assert session.replies.answered == 3
 
 
 def test_a_request_more_often_than_recorded_gets_the_last_reply_again_and_an_unknown_one_none():
-    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 7)])
-    assert script.replies.next("a") == script.replies.next("a")
-    assert script.replies.next("zzz") is None
-    assert (script.replies.answered, script.replies.repeated, script.replies.unanswered) == (1, 1, ["zzz"])
+    session = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 7)])
+    assert session.replies.next("a") == session.replies.next("a")
+    assert session.replies.next("zzz") is None
+    assert (session.replies.answered, session.replies.repeated, session.replies.unanswered) == (1, 1, ["zzz"])
 
 
 def test_a_reply_without_a_name_answers_the_oldest_open_request():
-    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), tell(1.2, "b", 1),
+    session = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), tell(1.2, "b", 1),
                                event(1.3, "command", 2, "out", b'{"errorCode":"1"}')])
-    assert script.replies.next("a").data == b'{"errorCode":"1"}'
+    assert session.replies.next("a").data == b'{"errorCode":"1"}'
 
 
 def test_replies_go_on_over_a_reconnect():
-    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 1),
+    session = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 1),
                                event(2.0, "command", 2, "close"), event(3.0, "command", 5, "open"), ask(3.1, "a", 5),
                                tell(3.3, "a", 2, 5)])
-    assert script.replies.next("a").data.endswith(b"1}\n")
-    assert script.replies.next("a").data.endswith(b"2}\n")
-    assert [one.opened for one in script.connections["command"]] == pytest.approx([0.0, 3.0])
+    assert session.replies.next("a").data.endswith(b"1}\n")
+    assert session.replies.next("a").data.endswith(b"2}\n")
+    assert [one.opened for one in session.connections["command"]] == pytest.approx([0.0, 3.0])
 
 
 def test_objects_are_cut_at_any_piece_boundary_with_all_bytes_kept():

@@ -1,4 +1,4 @@
-"""A simulated controller is recorded, by itself or by the proxy; a client then gets the same from the player."""
+"""A simulated controller is recorded, by itself or by the proxy; a client then gets the same from the replayer."""
 import contextlib
 import json
 import os
@@ -16,7 +16,7 @@ from command_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
-from jaka_ros_driver.wire import replayer as wire_player
+from jaka_ros_driver.wire import replayer
 from jaka_ros_driver.wire.log import WireEvent, WireLog, clock_offset_ns, read_log
 from jaka_ros_driver.wire.recorded_session import recorded_session
 from jaka_ros_driver.wire.replayer import SessionReplayer
@@ -44,11 +44,11 @@ def listen(port, count):
     return data
 
 
-def talk_and_listen(player, count):
-    """Return so many bytes of the player's feed, and its replies: both at once, for it ends with what was recorded."""
+def talk_and_listen(served, count):
+    """Return so many bytes of a replayer's feed, and its replies: both at once, for it ends with what was recorded."""
     with ThreadPoolExecutor(1) as pool:
-        feed = pool.submit(listen, player.port_numbers["status"], count)
-        replies = talk(player.port_numbers["command"], REQUESTS)
+        feed = pool.submit(listen, served.port_numbers["status"], count)
+        replies = talk(served.port_numbers["command"], REQUESTS)
         return feed.result(WAIT), replies
 
 
@@ -59,13 +59,13 @@ def playing(path, speed=1.0, **options):
     def notice(event, **facts):
         heard.append((event, facts))
 
-    player = SessionReplayer(recorded_session(read_log(str(path))), speed, {}, notice, **options)
-    thread = threading.Thread(target=player.run)
+    served = SessionReplayer(recorded_session(read_log(str(path))), speed, {}, notice, **options)
+    thread = threading.Thread(target=served.run)
     thread.start()
     try:
-        yield player, heard
+        yield served, heard
     finally:
-        player.stop()
+        served.stop()
         thread.join(WAIT)
 
 
@@ -85,18 +85,18 @@ def recorded(tmp_path):
 
 
 @pytest.mark.parametrize("speed", [1.0, 5.0])
-def test_the_player_gives_the_same_replies_and_the_same_feed(recorded, speed):
+def test_the_replayer_gives_the_same_replies_and_the_same_feed(recorded, speed):
     path, replies, frames = recorded
-    with playing(path, speed) as (player, _):
-        heard, told = talk_and_listen(player, len(frames))
+    with playing(path, speed) as (served, _):
+        heard, told = talk_and_listen(served, len(frames))
         assert told == replies
         assert heard == sent(path, "status")[:len(frames)] == frames
 
 
 def test_the_end_is_told_with_what_was_answered(recorded):
     path, _, frames = recorded
-    with playing(path, 10.0) as (player, heard):
-        talk_and_listen(player, len(frames))
+    with playing(path, 10.0) as (served, heard):
+        talk_and_listen(served, len(frames))
         wait = threading.Event()
         for _ in range(WAIT * 20):
             if len(heard) == 2:
@@ -119,11 +119,11 @@ def test_the_frame_that_caused_a_request_comes_before_time_stands_still_for_it(t
     log.bytes_out(int(0.9 * second), "status", 2, b"stopped")
     log.bytes_out(int(1.5 * second), "status", 2, b"end")
     log.close()
-    with playing(path) as (player, _), RawClient(player.port_numbers["command"]) as client:
+    with playing(path) as (served, _), RawClient(served.port_numbers["command"]) as client:
         time.sleep(0.1)  # later than in the log
-        address = ("127.0.0.1", player.port_numbers["status"])
+        address = ("127.0.0.1", served.port_numbers["status"])
         with socket.create_connection(address, WAIT) as link:
-            link.settimeout(wire_player.PATIENCE_S - 2.0)
+            link.settimeout(replayer.PATIENCE_S - 2.0)
             heard = b""
             while not heard.endswith(b"collision"):
                 heard += link.recv(100)
@@ -154,7 +154,7 @@ def proxy(path, arm, **options):
         assert process.wait(WAIT) == 0
 
 
-def test_the_proxy_forwards_every_byte_and_logs_what_the_player_can_play(tmp_path):
+def test_the_proxy_forwards_every_byte_and_logs_what_the_replayer_can_replay(tmp_path):
     own, seen = tmp_path / "own.mcap", tmp_path / "proxy.mcap"
     with SimulatedController(log=str(own), start="enabled") as arm, proxy(seen, arm) as ports:
         replies = talk(ports["command_port"], REQUESTS)
@@ -163,8 +163,8 @@ def test_the_proxy_forwards_every_byte_and_logs_what_the_player_can_play(tmp_pat
     assert sent(seen, "command") == sent(own, "command") == b"".join(json.dumps(reply).encode() for reply in replies)
     assert sent(own, "status").startswith(frames)
     assert sent(seen, "status").startswith(frames)
-    with playing(seen, 5.0) as (player, _):
-        assert talk(player.port_numbers["command"], REQUESTS) == replies
+    with playing(seen, 5.0) as (served, _):
+        assert talk(served.port_numbers["command"], REQUESTS) == replies
 
 
 def test_the_proxy_ends_both_sides_when_one_ends(tmp_path):
@@ -173,7 +173,7 @@ def test_the_proxy_ends_both_sides_when_one_ends(tmp_path):
         with socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
             link.sendall(b'{"cmdName":"get_robot_state"}\n')
             assert link.recv(10)
-            arm.panel("close", port="command")
+            arm.operate("close", port="command")
             link.settimeout(WAIT)
             while link.recv(4096):
                 pass
@@ -221,7 +221,7 @@ def test_nobody_reads_what_the_proxy_says_and_it_forwards_all_the_same(tmp_path)
             proxy(tmp_path / "proxy.mcap", arm, stderr=writing) as ports:
         os.close(writing)
         fill(said)
-        arm.panel("refuse", port="status", duration_ms=60000)
+        arm.operate("refuse", port="status", duration_ms=60000)
         with socket.create_connection(("127.0.0.1", ports["status_port"]), WAIT) as link:
             link.settimeout(WAIT)
             assert link.recv(10) == b""
@@ -242,8 +242,8 @@ def recorded_move(tmp_path):
 
 
 def test_the_arm_does_not_move_before_it_is_asked_to(recorded_move):
-    with playing(recorded_move) as (player, _):
-        with RawFeed(player.port_numbers["status"]) as feed, RawClient(player.port_numbers["command"]) as client:
+    with playing(recorded_move) as (served, _):
+        with RawFeed(served.port_numbers["status"]) as feed, RawClient(served.port_numbers["command"]) as client:
             before, waited = [], time.monotonic() + 1.5
             while time.monotonic() < waited:
                 before.append(feed.frame())
@@ -254,5 +254,5 @@ def test_the_arm_does_not_move_before_it_is_asked_to(recorded_move):
 
 
 def test_a_request_that_does_not_come_is_not_waited_for_for_ever(recorded_move):
-    with playing(recorded_move, patience_s=0.5) as (player, _), RawFeed(player.port_numbers["status"]) as feed:
+    with playing(recorded_move, patience_s=0.5) as (served, _), RawFeed(served.port_numbers["status"]) as feed:
         feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
