@@ -38,7 +38,7 @@ def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, eviden
     assert eventually(evidence)
     text = evidence()[0].read_text()
     assert "planted" in text or "escaped" in text
-    assert "a motion is under way" in text and "joint_position" in text
+    assert "a motion runs" in text and "joint_position" in text
     assert eventually(lambda: "its state is in %s" % evidence()[0] in caplog.text)
     for act in (lambda: arm.move(FAR), lambda: arm.servo_target(c.ServoJoint((0.0,) * 6))):
         with pytest.raises(ConnectionLost):

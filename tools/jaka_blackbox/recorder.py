@@ -176,7 +176,7 @@ class BlackBox:
         """See ``RollingFiles.lose_chunk``; a black box handles a refusal of the system itself."""
 
     def close(self) -> None:
-        """Finish the file under way."""
+        """Finish the open file."""
         self.tick()
         if self._files is not None:
             self._finish()

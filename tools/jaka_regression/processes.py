@@ -134,7 +134,7 @@ class ChildProcess:
         return self.printed()[-_SHOWN:].strip() or "it printed nothing"
 
     def end(self, number: signal.Signals = signal.SIGINT) -> Optional[int]:
-        """End it, with force where it does not obey; its exit code."""
+        """End the process, with force where it does not obey; return its exit code."""
         if self.process.poll() is None:
             for attempt in (number, signal.SIGTERM, signal.SIGKILL):
                 with contextlib.suppress(ProcessLookupError):

@@ -100,7 +100,7 @@ def _require_causes(run: Run, inputs: Sequence[Input], scenario: Scenario) -> No
 
 def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: float = 1.0,
                   driver: Sequence[str] = DRIVER) -> Path:
-    """Make a script happen against simulated controllers and record it; the path of the new log.
+    """Make a script happen against simulated controllers and record it; return the path of the new log.
 
     Args:
         script: The actions to perform.

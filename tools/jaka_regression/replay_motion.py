@@ -174,7 +174,7 @@ def _running_description(node: str, may_be_missing: bool) -> Optional[str]:
 
 
 def _perform(args: argparse.Namespace, plan: MotionPlan, node: str, report: Report) -> Tuple[str, int]:
-    """Have the arm do it; how it ended, and the exit code."""
+    """Have the arm perform the motion; return how it ended, and the exit code."""
     try:
         from .driver_client import DriverClient
         from .trajectory_client import TrajectoryClient, action_of

@@ -255,7 +255,7 @@ class Custody:
                     self._release(now)
                 elif motion.goes_on(state):
                     self._enter(Event.MOVES_ON)
-                    self._begin_stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
+                    self._begin_stop(MotionInterrupted(StopCause.FAULT, "it runs though it was refused"), now)
             return
         if self._phase is Phase.STOPPING and self._is_guess:
             self._look_for_the_cause(state, now)
@@ -350,7 +350,7 @@ class Custody:
         """Send the stop that is still owed, before anything else, on a command port that was connected."""
         self._knows_link_loss = True
         if self.must_stop:
-            self.actions.log(logging.WARNING, "stopping the motion that was under way when the link went down")
+            self.actions.log(logging.WARNING, "stopping the motion that ran when the link went down")
             self._send_stop(now)
 
     # ---- inside ----

@@ -58,9 +58,9 @@ def _broken(core: ArmCore, is_moving_told: bool, now: float) -> Iterator[str]:
     if admission._waiting and core.next_deadline() == _NEVER:
         yield "calls wait, and nothing is due"
     if admission.busy_with is not None and not any(not running.has_ended for running in core._running):
-        yield "a change is under way, and nothing carries it out"
+        yield "a change is running, and nothing carries it out"
     if admission.stops_under_way < 0 or (admission.stops_under_way and not len(channel._exchange)):
-        yield "%d stops of a free arm are under way, and no reply is outstanding" % admission.stops_under_way
+        yield "%d stops of a free arm are running, and no reply is outstanding" % admission.stops_under_way
     if core.next_deadline() != core.next_deadline():
         yield "the next deadline is no number"
 
@@ -75,8 +75,9 @@ def _broken_in_phase(custody: Custody, now: float) -> Iterator[str]:
         if custody._outcome is not None or accepted_at is not None or custody._outstanding:
             yield "nothing is being stopped, and an outcome, a reply or an accepted stop is known"
         if custody._is_answered is not (phase is Phase.SETTLING):
-            yield "the callers of a motion %s" % (
-                "under way were answered with its end" if phase is Phase.HELD else "that was refused wait still")
+            yield "the callers of a %s" % (
+                "running motion were answered with its end" if phase is Phase.HELD
+                else "motion that was refused wait still")
     if phase is Phase.STOPPING:
         if accepted_at is None and has_link and not custody._outstanding and custody._retry_at == _NEVER:
             yield "a stop is owed, the link is up, no reply is outstanding, and no retry is due"

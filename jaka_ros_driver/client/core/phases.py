@@ -11,7 +11,7 @@ class Phase(enum.Enum):
     """The phases of custody; the value says in words what is true in each."""
 
     FREE = "nobody moves the arm"
-    HELD = "a motion is under way"
+    HELD = "a motion runs"
     SETTLING = "the controller refused the motion: the arm is watched until it is seen at rest"
     STOPPING = "a stop is sent until it is accepted and the arm rests"
 

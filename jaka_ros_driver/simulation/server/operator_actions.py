@@ -48,7 +48,7 @@ def handle(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
         return {"ok": False, "error": str(error)}
     except CommandRefused:
         return {"ok": False, "error": "a parameter has the wrong length or is out of range"}
-    except Exception as error:  # a bug of this code must not take the controller down with a motion under way
+    except Exception as error:  # a bug of this code must not take the controller down with a running motion
         server.controller.failures += 1
         traceback.print_exc(file=sys.stderr)
         return {"ok": False, "error": "a bug of the simulated controller: %r" % error}

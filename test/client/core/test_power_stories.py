@@ -266,7 +266,7 @@ def test_another_call_ends_a_recovery_and_a_second_recovery_is_refused(other):
     story.core.run("other", other(story.core), story.now)
     story.run(0.1)
     if isinstance(story.error("other"), InvalidCommand):
-        assert "another recovery is under way" in str(story.error("other")) and story.error("recover") == "pending"
+        assert "another recovery is running" in str(story.error("other")) and story.error("recover") == "pending"
     else:
         assert isinstance(story.error("recover"), recovery.RecoveryInterrupted)
 

@@ -316,7 +316,7 @@ def test_a_second_recovery_is_refused_while_one_is_under_way_and_repeats_nothing
     arm = simulated(start=Start.OFF, power_delay=0.8, enable_delay=0.1)
     first = Recovering(arm).begin()
     has_asked_for_power(arm)
-    with pytest.raises(InvalidCommand, match="another recovery is under way"):
+    with pytest.raises(InvalidCommand, match="another recovery is running"):
         Recovering(arm)()
     assert arm.ended(first) is None
     assert first.result == "the arm is ready: power, enable"
@@ -330,7 +330,7 @@ def test_what_an_earlier_call_has_begun_is_not_sent_again():
     has_asked_for_power(arm)
     assert arm.ended(arm.begin("stop")) is None
     arm.ended(earlier)
-    with pytest.raises(InvalidCommand, match="of an earlier call is under way"):
+    with pytest.raises(InvalidCommand, match="of an earlier call is running"):
         Recovering(arm)()
     arm.until(lambda: arm.state.is_powered)
     assert Recovering(arm)() == "the arm is ready: enable"

@@ -293,7 +293,7 @@ def test_the_rostest_of_a_changed_node_has_another_exit_code_than_0(cell, tmp_pa
 
 @pytest.fixture
 def run_pytest(cell, tmp_path):
-    """Return a function that runs pytest in a folder with a test of the cell; its exit code and what it said."""
+    """Return a function that runs pytest in a folder with a test of the cell, and returns exit code and output."""
     shutil.copy(str(cell.golden), str(tmp_path / "golden.mcap"))
     (tmp_path / "test_it.py").write_text(
         "def test_it(jaka_cell):\n    result = jaka_cell(%r, golden='golden.mcap', arguments=['driver:=false'],\n"

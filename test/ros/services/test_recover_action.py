@@ -128,7 +128,7 @@ def test_a_second_goal_and_the_service_are_refused_while_one_is_under_way(off):
     first = Client(off).begin()
     assert eventually(lambda: "power" in first.steps)
     state, result = Client(off).begin().end()
-    assert state == GoalStatus.ABORTED and result.message == "refused to recover: another recovery is under way"
+    assert state == GoalStatus.ABORTED and result.message == "refused to recover: another recovery is running"
     assert off.call("recover").message == result.message
     assert first.end()[0] == GoalStatus.SUCCEEDED
 

@@ -42,7 +42,7 @@ def _metadata(words: Sequence[str]) -> Tuple[str, Dict[str, str]]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Attach; the exit code."""
+    """Attach the files to the log; return the exit code."""
     report = Report(args)
     metadata: List[Tuple[str, Dict[str, str]]] = [_metadata(words) for words in args.metadata]
     if not (args.files or metadata):

@@ -105,7 +105,7 @@ def _field(text: str) -> Tuple[Optional[str], str]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print; the exit code."""
+    """Print the messages; return the exit code."""
     fields = [_field(text) for text in args.field]
     selection = selection_of(args)
     topics = [topic for topic, _ in fields if topic is not None]

@@ -129,7 +129,7 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
 
 
 def run(args: argparse.Namespace) -> int:
-    """Convert; the exit code."""
+    """Convert the log; return the exit code."""
     keep_freed_memory()  # processes of --jobs are forks, and do so, too
     report = Report(args)
     source = Path(args.source)

@@ -46,7 +46,7 @@ def _lines(document: Dict[str, Any]) -> List[str]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print; the exit code."""
+    """Print what each topic takes; return the exit code."""
     report = Report(args)
     documents: List[Dict[str, Any]] = []
 

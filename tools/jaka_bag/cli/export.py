@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Export; the exit code."""
+    """Export the topics of the log; return the exit code."""
     report = Report(args)
     output = required_output_of(args)
     with open_log(args.source) as reader:

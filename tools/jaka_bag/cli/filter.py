@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Filter; the exit code."""
+    """Write the log that the filter leaves; return the exit code."""
     report = Report(args)
     if args.expression is not None:
         topics = re.findall(r"""topic\s*==\s*['"]([^'"]+)['"]""", args.expression)

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Merge; the exit code."""
+    """Merge the logs into one; return the exit code."""
     report = Report(args)
     sources, output = args.sources, args.output
     if output is None:

@@ -64,7 +64,7 @@ def _sketch(reader: LogReader, selection: Selection, topics: Sequence[str], args
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw; the exit code."""
+    """Draw the plots as the options say; return the exit code."""
     report = Report(args)
     selection, span = selection_of(args), span_of(args)
     if args.field:

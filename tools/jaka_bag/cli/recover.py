@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover; the exit code."""
+    """Recover the logs as the options say; return the exit code."""
     report = Report(args)
     target = args.output or args.target or default_target(args.source)
     with report.progress(args.source) as progress:

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Split; the exit code."""
+    """Split the log as the options say; return the exit code."""
     if not (args.size or args.duration or args.count):
         raise UsageError("give --size, --duration or --count, above 0")
     report = Report(args)

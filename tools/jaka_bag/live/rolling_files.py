@@ -269,7 +269,7 @@ class RollingFiles:
 
     @property
     def size(self) -> int:
-        """Bytes of the file that is being written, those of the chunk under way as they came."""
+        """Bytes of the file that is being written, those of its unfinished chunk as they came."""
         return 0 if self._writer is None else self._writer.position + self._writer.pending_bytes
 
     def add_metadata(self, name: str, values: Dict[str, str]) -> None:

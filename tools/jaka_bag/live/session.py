@@ -126,12 +126,12 @@ class RecordingSession:
             if self._watcher.ident is not None:
                 self._watcher.join()
             with contextlib.suppress(ConnectionLost, ProtocolError):
-                self._look_for_publishers(transport)  # one may have been connected while what was under way arrived
+                self._look_for_publishers(transport)  # one may have been connected while messages in flight arrived
             transport.close()
             self._recorder.finish()
 
     def _drain(self, transport: Subscriber) -> None:
-        """Compare with the publishers' own counts, once what was under way has arrived."""
+        """Compare with the publishers' own counts, once all messages in flight have arrived."""
         if self._recorder.failure is not None:
             return
         answer: List[Any] = []

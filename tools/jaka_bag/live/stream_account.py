@@ -79,11 +79,11 @@ class PublisherStream:
     def note_sent(self, sent: int, is_final: bool = False) -> None:
         """Take the publisher's count of messages sent on the present link.
 
-        Messages under way look like lost ones, so that of two counts the smaller loss is believed.
+        Messages in flight look like lost ones, so that of two counts the smaller loss is believed.
 
         Args:
             sent: Its count, asked for before now.
-            is_final: All messages that were under way have been waited for.
+            is_final: All messages in flight have been waited for.
         """
         shortfall = max(0, sent - (self.received - self.link_start))
         believed = shortfall if is_final or self._shortfall is None else min(shortfall, self._shortfall)

@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Add logs; the exit code."""
+    """Add the logs to the data set; return the exit code."""
     load_pyarrow()
     report = Report(args)
     if args.cell and args.cell_from:

@@ -120,7 +120,7 @@ def _write(args: argparse.Namespace, schema: Any, batches: Iterator[Any]) -> Non
 
 
 def run(args: argparse.Namespace) -> int:
-    """Ask; the exit code."""
+    """Ask the data set and print the rows; return the exit code."""
     if args.csv is not None and args.parquet is not None:
         raise UsageError("--csv and --parquet do not go together")
     for path in (args.csv, args.parquet):

@@ -257,7 +257,7 @@ def loose_count(store: Store) -> int:
 
 
 def compact(store: Store) -> int:
-    """Put all rows into one file; their number.
+    """Put all rows into one file; return their number.
 
     Others may add logs and ask meanwhile. In an object store nobody else may compact at the same time.
     """

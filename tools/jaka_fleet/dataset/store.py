@@ -136,7 +136,7 @@ class Store:
         yield
 
     def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
-        """Remove what killed processes left: half work, and published files whose last one never came; their names.
+        """Remove what killed processes left: half work, and published files without their last one; return their names.
 
         Args:
             is_in: Whether what a last file of that name tells is in the data set, from whomever.

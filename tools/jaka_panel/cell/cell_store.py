@@ -79,7 +79,7 @@ class CellStore:
             self._notify(self.cell, None)
 
     def close(self) -> None:
-        """End the log; a write that is under way is waited for no longer than the log is."""
+        """End the log; a running write is waited for no longer than the log is."""
         if self._log is not None:
             self._log.close()
 

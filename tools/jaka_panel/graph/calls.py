@@ -33,7 +33,7 @@ class Calls:
         """
         with self._lock:
             if self._count >= MOST_CALLS:
-                raise TooManyCalls("%d calls are under way" % self._count)
+                raise TooManyCalls("%d calls are running" % self._count)
             self._count += 1
         loop = asyncio.get_event_loop()
         done: asyncio.Future[Any] = loop.create_future()

@@ -148,7 +148,7 @@ class Peer(web.RequestHandler):
         if status >= 500:
             _LOG.error("a request failed", exc_info=exc)
         if request.writer.output_size > 0:
-            raise ConnectionError("an answer is under way")
+            raise ConnectionError("an answer is being sent")
         response = web.Response(status=status, text=HTTPStatus(status).phrase + "\n", headers=HEADERS)
         response.force_close()
         return response

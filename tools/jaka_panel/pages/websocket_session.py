@@ -170,7 +170,7 @@ class WebSocketSession:
         elif command.needs_control and self._hub.control.holder != self._page.id:
             self._answer(message, False, "this needs control")
         elif self._page.waiting >= _MOST_WAITING:
-            self._answer(message, False, "%d commands are under way" % _MOST_WAITING)
+            self._answer(message, False, "%d commands are running" % _MOST_WAITING)
         else:
             self._hub.spawn(self._perform(message))
 

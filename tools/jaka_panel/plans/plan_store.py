@@ -28,7 +28,7 @@ class PlanStore:
         self._count = 0
 
     def put(self, arm: str, plan: AnyPlan) -> str:
-        """Keep a plan; its name."""
+        """Keep a plan; return its name."""
         self._count += 1
         name = "%s-%d" % (self._begin, self._count)
         self._plans[name] = (arm, plan)

@@ -68,7 +68,7 @@ def recover(core: ArmCore, on_step: Callable[[RecoveryStep], None] = lambda step
         JakaError: As ``Ask``; ConnectionLost where the arm's state is not known.
     """
     if core.is_recovering:
-        raise InvalidCommand("refused to recover: another recovery is under way")
+        raise InvalidCommand("refused to recover: another recovery is running")
     core.note_disturbance("a call of recover")
     core.is_recovering = True
     try:
@@ -153,7 +153,7 @@ class _Recovery:
         if not (yield Until(rests, _REST_TIMEOUT_S)):
             yield from self._state()
             if core.channel.is_held_up:
-                raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is under way")
+                raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is running")
             motion = core.custody.motion
             if motion is not None and not core.custody.is_ending:
                 raise InvalidCommand("refused to recover: %s owns the arm's motion; stop it first"

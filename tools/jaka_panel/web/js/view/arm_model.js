@@ -9,7 +9,7 @@ const BODY = 0xd9dde3;
 const JOINT = 0x2f5f9f;
 
 /**
- * Loads an arm; its meshes may still be under way when it is returned.
+ * Loads an arm; its meshes may still be loading when it is returned.
  *
  * @param {string} arm Id.
  * @param {string} prefix In front of the names of joints and links.
