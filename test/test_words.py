@@ -224,6 +224,28 @@ def test_docstrings_have_their_form():
     assert not wrong, "\n".join(wrong)
 
 
+JS_COMMENT = re.compile(r"/\*\*[\s*]*([\w'-]+)")
+"""A doc comment of JavaScript, with its first word; one that begins with a tag has none."""
+
+
+def wrong_comments(text: str) -> Iterator[Tuple[int, str]]:
+    """Return line and first word of each doc comment of a JavaScript file that leans on the name below it."""
+    for match in JS_COMMENT.finditer(text):
+        if match.group(1) in BANNED:
+            yield text.count("\n", 0, match.start()) + 1, match.group(1)
+
+
+def test_doc_comments_of_javascript_have_their_form():
+    wrong = ["%s:%d begins with %s" % (path.relative_to(ROOT), line, word) for path in own_files(".js")
+             for line, word in wrong_comments(path.read_text(encoding="utf-8"))]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_wrong_doc_comments_of_javascript_are_seen():
+    assert list(wrong_comments("/** What it knows. */\n/**\n * Of the page.\n */\n/** @type {What} */\n"
+                               "/** The names. */\n/* With care */\n")) == [(1, "What"), (2, "Of")]
+
+
 def test_wrong_docstrings_are_seen():
     tree = ast.parse('''"""With one page."""
 PERIOD_S = 0.5

@@ -19,7 +19,7 @@ const IDLE = ['pause', 'resume', ...PROGRAM];
 const ALL = Object.keys(BUTTONS).filter((name) => !SIDE.includes(name));
 
 /**
- * For each condition: what makes it, which button stands out, and all buttons that must not be offered.
+ * Each condition: what makes it, which button stands out, and all buttons that must not be offered.
  *
  * @type {[string, Partial<Facts>, string|null, string[]][]}
  */

@@ -3,7 +3,7 @@ import { test } from 'node:test';
 import { Connection } from '../../../../tools/jaka_panel/web/js/link/connection.js';
 import { takeToken } from '../../../../tools/jaka_panel/web/js/link/token.js';
 
-/** What a browser keeps for a page. */
+/** The storage that a browser keeps for a page. */
 function makeStorage() {
   const kept = new Map();
   return /** @type {any} */ ({ getItem: (/** @type {string} */ key) => kept.get(key) ?? null,

@@ -56,7 +56,7 @@ function pageName() {
   return `${browser}, ${screen.width}×${screen.height}`;
 }
 
-/** What the parts of the page share. */
+/** The state and the methods that the parts of the page share. */
 export class App {
   constructor() {
     this.local = storageOf('localStorage');
@@ -79,7 +79,7 @@ export class App {
     this.late = [];
     this.isDirty = false;
     this.offers = new Offers(this);
-    /** What is drawn and waits for its button. @type {'move'|'run'|null} */
+    /** The plan that is drawn and waits for its button. @type {'move'|'run'|null} */
     this.offer = null;
     const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
     this.connection = new Connection({

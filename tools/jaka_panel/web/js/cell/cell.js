@@ -69,7 +69,7 @@ export class Cell {
     this.saved = '';
     this.by = '';
     this.file = '';
-    /** Why the server's file cannot be used; empty where it can. */
+    /** The reason why the server's file cannot be used; empty where it can. */
     this.problem = '';
     /** @type {Record<string, any>} */
     this.data = {};

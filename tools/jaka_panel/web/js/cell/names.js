@@ -12,7 +12,7 @@ const LONGEST = 60;
 const KINDS = ['di', 'do', 'ai', 'ao'];
 const RELAYS = 'relays';
 const LAYOUT = 'page';
-/** What belongs to the layout, of all that a browser keeps under names that begin so. */
+/** The begin of the names under which a browser keeps values; some of them belong to the layout. */
 const KEPT = 'jaka-panel-';
 const LAYOUT_KEYS = ['drawer', 'view', 'theme'];
 

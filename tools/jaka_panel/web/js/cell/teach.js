@@ -62,7 +62,7 @@ function millimetres(p) {
 }
 
 /**
- * What was computed, and what becomes of it: kept for the cell, set on the controller.
+ * Make the part that shows what was computed, and keeps it for the cell or sets it on the controller.
  *
  * @param {App} app
  * @param {object} options

@@ -1,4 +1,4 @@
-/** Who may command: what this page may do, who holds control, and the question when another page asks for it. */
+/** The right to command: what this page may do, who holds control, and the question when another page asks for it. */
 import { byId, h, replaceText, setText } from '../ui/dom.js';
 import { toast } from '../ui/toast.js';
 

@@ -1,5 +1,5 @@
 /**
- * How STOP is pressed, from the page's first moment on: this module imports nothing, so that no file that is late or
+ * The STOP button, from the page's first moment on: this module imports nothing, so that no file that is late or
  * missing takes STOP with it. Until the page takes it over a press goes by POST, and is said to be not confirmed.
  */
 
@@ -15,7 +15,7 @@ let answered = null;
 let press = stopByPost;
 
 /**
- * Whether the space bar belongs to the element: fields for words. Numbers have no spaces.
+ * Return whether the space bar belongs to the element: fields for words. Numbers have no spaces.
  *
  * @param {EventTarget|null} target
  * @returns {boolean}

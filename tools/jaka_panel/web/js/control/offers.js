@@ -106,7 +106,7 @@ export class Offers {
   }
 
   /**
-   * Why a button may not be pressed at this moment.
+   * Return the reason why a button may not be pressed at this moment.
    *
    * @param {string} name
    * @returns {string|null} Key of a text.

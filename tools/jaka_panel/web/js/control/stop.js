@@ -58,7 +58,7 @@ export function mountStop(app) {
     say(isRefused() ? 'stop.unable' : 'stop.hint', false);
   }
 
-  /** What was true of the arm is not said for longer than it is. */
+  /** Take back what was said of the arm, as soon as it is not true any more. */
   function takeBack() {
     if (isRestSaid) sayHint();
   }

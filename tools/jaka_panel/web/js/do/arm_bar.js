@@ -1,4 +1,4 @@
-/** What brings the arm to life and to rest: power, enable, recover, clear, pause and resume, and its speed. */
+/** The buttons that bring the arm to life and to rest: power, enable, recover, clear, pause and resume, and its speed. */
 import { h, replaceText, setAttribute, setText } from '../ui/dom.js';
 import { actionButton } from '../ui/field.js';
 

@@ -10,7 +10,7 @@ import { actionButton, numberField, readAll } from '../ui/field.js';
 /** @typedef {import('../ui/field.js').NumberField} NumberField */
 
 /**
- * What the command `settings` answers; null: the controller does not tell.
+ * The answer to the command `settings`; null: the controller does not tell.
  *
  * @typedef {object} Settings
  * @property {number|null} tool
@@ -61,7 +61,7 @@ export class HeldSettings {
 }
 
 /**
- * What is to be written: what stands in the fields, and in place of fields that nobody changed what is held.
+ * Return the values to write: what stands in the fields, and in place of fields that nobody changed what is held.
  *
  * @param {NumberField[]} fields
  * @param {number[]} values In the unit of the wire.
@@ -113,7 +113,7 @@ export function makeSetting({ app, held, title, fields, low, high, active, read,
   const list = h('ul', { class: 'changes' });
   const warned = h('p', { class: 'bad', hidden: true });
   const question = h('div', { class: 'ask', role: 'group', tLabel: 'setup.ask', hidden: true });
-  /** What the fields began with. @type {number[]|null} */
+  /** The values with which the fields began. @type {number[]|null} */
   let began = null;
   /** @type {Set<NumberField>} */
   const touched = new Set();

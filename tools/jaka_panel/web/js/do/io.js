@@ -31,7 +31,7 @@ const USUAL = { di: 16, do: 16, ai: 4, ao: 4 };
  */
 
 /**
- * Whether a terminal is to be shown.
+ * Return whether a terminal is to be shown.
  *
  * @param {{kind: Kind|'r', index: number, isUsed: boolean, text: string, isNamed: boolean, isOn: boolean}} terminal
  * @param {'usual'|'on'|'all'} extent

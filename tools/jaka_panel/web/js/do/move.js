@@ -41,7 +41,7 @@ function framesOf(state) {
  */
 export function mountMove(root, app) {
   const { store } = app;
-  /** What the ghost shows. @type {Target|null} */
+  /** The target that the ghost shows. @type {Target|null} */
   let target = null;
   let asked = 0;
   /** @type {any} */

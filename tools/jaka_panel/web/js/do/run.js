@@ -10,7 +10,7 @@ import { makeListRun } from '../cell/lists.js';
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').Plan} Plan */
 
-/** How fast the arm goes to the place where a plan begins, rad/s. */
+/** The speed at which the arm goes to the place where a plan begins, rad/s. */
 const TO_START = 20 / DEGREES;
 
 /**
@@ -30,8 +30,9 @@ export function mountRun(root, app) {
  */
 
 /**
- * What was planned: its way is drawn, and it is run by its name, so that what was drawn is what is run. It goes with the arm
- * for which it was made and with the server's greeting, and an answer that comes after that is of something else.
+ * Make the runner of a plan: its way is drawn, and it is run by its name, so that what was drawn is what is run. It
+ * goes with the arm for which it was made and with the server's greeting, and an answer that comes after that is of
+ * something else.
  *
  * @param {App} app
  * @returns {Runner}

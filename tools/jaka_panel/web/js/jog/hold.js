@@ -11,7 +11,7 @@
 export const PERIOD_MS = 50;
 /** A heartbeat that comes so late shows that the page stood still, ms. */
 export const FROZEN_MS = 150;
-/** So many heartbeats in a row may find bytes of the ones before still in the browser. */
+/** Most heartbeats in a row that may find bytes of the ones before still in the browser. */
 const BACKLOG_BEATS = 2;
 
 /**

@@ -32,7 +32,7 @@ export function mountJog(root, app) {
   let space = /** @type {'joint'|'base'|'tool'} */ ('joint');
   let step = 'hold';
   let axis = '';
-  /** Why the tool stands although it is jogged, in the driver's words. */
+  /** The reason why the tool stands although it is jogged, in the driver's words. */
   let stands = '';
   const said = h('p', { class: 'said', role: 'status', t: 'jog.idle' });
 
@@ -179,7 +179,7 @@ export function mountJog(root, app) {
     stands = message.reason;
     sayHeld();
   });
-  /** Why there is no jog now, as it is said. */
+  /** The reason why there is no jog now, as it is said. */
   let against = '';
   store.on('line', (line) => {
     if (hold.isHeld) return;

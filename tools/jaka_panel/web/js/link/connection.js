@@ -61,7 +61,7 @@ export class Connection {
     this.welcomedAt = 0;
     /** The newest round trips, s. @type {number[]} */
     this.roundTrips = [];
-    /** Why the server closed the last connection. */
+    /** The code with which the server closed the last connection. */
     this.closeCode = 0;
     /** @type {Map<number, Pending>} */
     this.pending = new Map();
@@ -145,7 +145,7 @@ export class Connection {
       : { message: '', ...message });
   }
 
-  /** From the timer and from every message: timers of a hidden tab are slow. */
+  /** Send a ping; called by the timer and by every message, for timers of a hidden tab are slow. */
   ping() {
     if (performance.now() - this.pingedAt < PING_S * 1000) return;
     this.pingedAt = performance.now();

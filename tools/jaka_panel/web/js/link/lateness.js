@@ -1,6 +1,6 @@
 /**
- * How much later than the quickest ones messages come, by the server's clock in them. Round trips do not show it alone: a
- * queue on the way here grows while the pings of seconds ago were quick.
+ * The lateness of messages: how much later than the quickest ones they come, by the server's clock in them. Round trips
+ * do not show it alone: a queue on the way here grows while the pings of seconds ago were quick.
  */
 
 /** The quickest message and round trip of so long count: the clocks of two computers part by a millisecond meanwhile. */

@@ -1,4 +1,4 @@
-/** What the page knows, by arm; parts of the page listen for the kinds that they show. */
+/** The store of what the page knows, by arm; parts of the page listen for the kinds that they show. */
 import { Lateness } from './lateness.js';
 
 /** @typedef {import('./messages.js').ArmInfo} ArmInfo */

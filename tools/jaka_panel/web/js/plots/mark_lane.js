@@ -11,7 +11,7 @@ import { grouped, marksOf, SHAPES } from './marks.js';
 /** Width of a mark, px; for fingers. */
 const WIDE = 24;
 const TABLET = 48;
-/** What is named of the marks that lie upon each other. */
+/** Most marks that are named where they lie upon each other. */
 const NAMED = 3;
 const COLOURS = /** @type {Record<Mark['kind'], string>} */ ({ error: '--bad', failed: '--bad', warning: '--warn', call: '--accent', move: '--ok' });
 
@@ -23,7 +23,7 @@ export class MarkLane {
   constructor(app, onChoice) {
     this.app = app;
     this.onChoice = onChoice;
-    /** Where the name of the chosen mark stands. */
+    /** The line with the name of the chosen mark. */
     this.said = h('p', { class: 'mark-said', hidden: true });
     this.element = h('div', { class: 'mark-lane', role: 'group', tLabel: 'mark.lane', on: {
       keydown: (/** @type {KeyboardEvent} */ event) => this.step(event),

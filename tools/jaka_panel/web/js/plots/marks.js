@@ -1,4 +1,4 @@
-/** What happened beside the curves: alarms, calls that change something, motions; as marks on the time axis of the plots. */
+/** The events beside the curves: alarms, calls that change something, motions; as marks on the time axis of the plots. */
 import { sentenceOf } from '../ui/errors.js';
 import { fixed } from '../ui/format.js';
 
@@ -17,7 +17,7 @@ export const SHAPES = { error: '■', failed: '✕', warning: '▲', call: '◆'
 const ASKS = /^get_|^set_workspace$/;
 
 /**
- * Whether a call changes something, or was to.
+ * Return whether a call changes something, or was to.
  *
  * @param {import('../link/messages.js').Call} call
  * @returns {boolean}

@@ -17,13 +17,13 @@ const OWN_S = 110;
 const PERIOD_MS = 100;
 const HISTORY_MS = 2000;
 const PIECES = 300;
-/** Of the history with which the plots begin: each is shorter than a gap. */
+/** Pieces of the history with which the plots begin: each is shorter than a gap. */
 const FIRST_PIECES = 550;
 /** Heights that a chart can have, px. */
 const LOWEST = 90;
 const HIGHEST = 420;
 const UNFIXED = 132;
-/** Of its caption and the gaps around it, px. */
+/** The height of its caption and the gaps around it, px. */
 const BESIDE = 34;
 
 /**
@@ -37,13 +37,13 @@ export function mountPlots(root, app) {
   let isPaused = false;
   /** Server's clock at the right edge while paused, s. */
   let pausedAt = 0;
-  /** What is looked at while zoomed in, s. @type {[number, number]|null} */
+  /** The span that is looked at while zoomed in, s. @type {[number, number]|null} */
   let zoomed = null;
   /** Server's clock less that of the page, s; the smallest delay counts. */
   let offset = -Infinity;
   let isSeen = true;
   let historyAt = -Infinity;
-  /** Whether the plots have begun with what the server has kept. */
+  /** True once the plots have begun with what the server has kept. */
   let isSeeded = false;
   const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
 

@@ -1,5 +1,5 @@
 /**
- * Where the time axis has its marks: at round distances from the newest moment, so that they move with the curves.
+ * Return the marks of the time axis: at round distances from the newest moment, so that they move with the curves.
  *
  * @param {number} from s
  * @param {number} to s

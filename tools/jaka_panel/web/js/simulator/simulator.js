@@ -1,4 +1,4 @@
-/** What a person at a simulated arm can do, and faults of its wire. Not there with a real controller. */
+/** The actions of a person at a simulated arm, and faults of its wire. Not there with a real controller. */
 import { h, replaceText, setText } from '../ui/dom.js';
 import { actionButton, numberField, readAll } from '../ui/field.js';
 

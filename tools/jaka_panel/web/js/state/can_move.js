@@ -62,7 +62,7 @@ export function mountLine(app) {
 }
 
 /**
- * Who has the arm's motion, in the page's language where the driver's words are known.
+ * Return who has the arm's motion, in the page's language where the driver's words are known.
  *
  * @param {App} app
  * @param {string|null|undefined} owner

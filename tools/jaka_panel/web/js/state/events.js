@@ -1,4 +1,4 @@
-/** What happened, newest first: alarms and notes, service calls, and the diagnostics as they are. All of it is foreign text. */
+/** The list of events, newest first: alarms and notes, service calls, and the diagnostics as they are. All of it is foreign text. */
 import { h, replaceText, setText } from '../ui/dom.js';
 import { sentenceOf } from '../ui/errors.js';
 import { fixed } from '../ui/format.js';

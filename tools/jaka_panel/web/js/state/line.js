@@ -83,7 +83,7 @@ function clearing(facts) {
 export const CONDITION_NAMES = CONDITIONS.map(([name]) => name);
 
 /**
- * What a button may need, and the key of the reason where that is not so.
+ * Conditions that a button may need, each with the key of the reason where it does not hold.
  *
  * @type {Record<string, [Test, string | ((facts: Facts) => string)]>}
  */
@@ -110,7 +110,7 @@ const COMMAND = ['link', 'token', 'control'];
 const LIVE = [...COMMAND, 'driver', 'controller', 'live'];
 const MOTION = [...LIVE, 'released', 'uncollided', 'power', 'enabled', 'unguided'];
 
-/** What each button needs, in the order in which a reason is looked for. @type {Record<string, string[]>} */
+/** The conditions of each button, in the order in which a reason is looked for. @type {Record<string, string[]>} */
 export const BUTTONS = {
   take: ['link', 'token'],
   command: COMMAND,
@@ -141,7 +141,7 @@ export const BUTTONS = {
 };
 
 /**
- * Why a button may not be pressed.
+ * Return the reason why a button may not be pressed.
  *
  * @param {Facts} facts
  * @param {string} button One of BUTTONS; any other counts as `command`.

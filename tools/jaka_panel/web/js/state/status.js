@@ -5,7 +5,7 @@ import { fixed } from '../ui/format.js';
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').ArmState} ArmState */
 
-/** What a driver calls those who move the arm, without its article, with the keys of their texts. */
+/** The names that a driver has for those who move the arm, without its article, with the keys of their texts. */
 const OWNERS = /** @type {Record<string, string>} */ ({
   move: 'owner.move', jog: 'owner.jog', 'servo mode': 'owner.servo_mode', trajectory: 'owner.trajectory',
   'velocity jog': 'owner.velocity_jog', path: 'owner.path', program: 'owner.program',
@@ -77,7 +77,7 @@ export function mountStatus(root, app) {
 
   let isOld = true;
 
-  /** What is old keeps its words, as what was, and loses its marks. */
+  /** Draw the line; what is old keeps its words, as what was, and loses its marks. */
   function draw() {
     const states = readStates(store.record().state);
     if (states.owner[0] === 'state.nobody' && store.moves()) states.owner = ['owner.unknown', ''];  // told once a second

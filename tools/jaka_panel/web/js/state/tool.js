@@ -1,4 +1,4 @@
-/** Where the tool is: mm and degrees, and m and rad as ROS has them. */
+/** The pose of the tool: mm and degrees, and m and rad as ROS has them. */
 import { h, replaceText, setText } from '../ui/dom.js';
 import { DEGREES, fixed, rpyFromRotationVector } from '../ui/format.js';
 

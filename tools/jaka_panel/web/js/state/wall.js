@@ -1,4 +1,4 @@
-/** What is read from across the room: what the arm does, who moves it, how fast, which program, and the last alarm. */
+/** The view that is read from across the room: what the arm does, who moves it, how fast, which program, and the last alarm. */
 import { h, replaceText, setAttribute, setText } from '../ui/dom.js';
 import { sentenceOf } from '../ui/errors.js';
 import { fixed } from '../ui/format.js';

@@ -16,7 +16,7 @@ export function fixed(value, decimals) {
 }
 
 /**
- * What somebody typed as a number: with a comma or a point, or NaN.
+ * Return the number that somebody typed: with a comma or a point, or NaN.
  *
  * @param {string} text
  * @returns {number}

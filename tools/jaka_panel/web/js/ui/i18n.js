@@ -54,7 +54,7 @@ export function translate(key, values = {}) {
 }
 
 /**
- * Whether the languages have a text for a key.
+ * Return whether the languages have a text for a key.
  *
  * @param {string} key
  * @returns {boolean}

@@ -1,4 +1,4 @@
-/** What the browser keeps for the next time. It may keep nothing, full or by its settings: nothing else may fail by that. */
+/** The values that the browser keeps for the next time. It may keep nothing, full or by its settings: nothing else may fail by that. */
 
 /**
  * Keeps a value, or does nothing where the browser keeps none.

@@ -131,7 +131,7 @@ export class ArmModel {
   }
 
   /**
-   * Where a frame is at these joints, in the base frame.
+   * Return the place of a frame at these joints, in the base frame.
    *
    * @param {number[]} q rad
    * @param {string} frame

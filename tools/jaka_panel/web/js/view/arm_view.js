@@ -15,7 +15,7 @@ const TRACE = 0xe08a1e;
 const PATH = 0x2fbf71;
 
 /**
- * What other parts of the page draw into the room.
+ * The drawings of other parts of the page in the room.
  *
  * @typedef {object} Preview
  * @property {(q: number[]|null) => void} ghost Shows a ghost arm at these joints, rad; null takes it away.
@@ -52,9 +52,9 @@ export function mountArmView(root, app) {
   let arm = null;
   /** @type {ArmModel|null} */
   let ghost = null;
-  /** For reckoning alone. @type {ArmModel|null} */
+  /** A model that only reckons, and is not drawn. @type {ArmModel|null} */
   let reckoner = null;
-  /** Of the tool in the flange's frame, m. */
+  /** The shift of the tool in the flange's frame, m. */
   const shift = new THREE.Vector3();
   let shown = '';
   let shownZones = '';

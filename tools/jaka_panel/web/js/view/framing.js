@@ -1,4 +1,4 @@
-/** Where a camera stands so that what is to be seen fills its picture and nothing of it is cut off. */
+/** The place of a camera from which what is to be seen fills its picture and nothing of it is cut off. */
 import * as THREE from '../../vendor/three/three.module.js';
 
 /** Share of the picture that is left free. */
@@ -28,7 +28,7 @@ export function cornersOf(object) {
 }
 
 /**
- * What a camera looks at, and from how far, so that points just fit into its picture.
+ * Return the place that a camera looks at, and its distance, so that points just fit into its picture.
  *
  * @param {any[]} points Vector3, m; at least one.
  * @param {any} direction Vector3 of length 1, from what is looked at to the camera.

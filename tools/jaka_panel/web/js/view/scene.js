@@ -7,9 +7,9 @@ import { onThemeChange, themeColour } from '../ui/theme.js';
 const FASTEST_MS = 33;
 /** Drawing may take this share of the time of the page's thread; slow machines see fewer pictures. */
 const SHARE = 0.35;
-/** So many points are kept in view. */
+/** Most points that are kept in view. */
 const MOST = 2000;
-/** Where the camera stands, from the middle of what it looks at. */
+/** The places of the camera, from the middle of what it looks at. */
 const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
   home: [0.82, -0.92, 0.38], front: [1, 0.001, 0.06], side: [0.001, -1, 0.06], top: [0.001, -0.001, 1],
 });
@@ -33,7 +33,7 @@ export class View {
     });
     this.controls.maxDistance = 12;
     this.controls.minDistance = 0.15;
-    /** What is to be seen, m. */
+    /** The points that are to be seen, m. */
     this.points = [new THREE.Vector3(-0.4, -0.4, 0), new THREE.Vector3(0.4, 0.4, 0.9)];
     this.box = new THREE.Box3().setFromPoints(this.points);
     this.name = 'home';

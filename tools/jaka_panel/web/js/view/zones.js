@@ -7,7 +7,7 @@ const WITHIN = 0x2fa14f;
 const FLOOR_EDGE = 4;
 
 /**
- * As the command `zones` answers: the keys of the driver's workspace, m and rad.
+ * The answer to the command `zones`: the keys of the driver's workspace, m and rad.
  *
  * @typedef {object} ZoneLists
  * @property {Box[]} [keep_out]
