@@ -28,7 +28,7 @@ class Asked:
         return self.witness.saw(state, True, period)
 
     def ask(self):
-        """Put the questions; returns which."""
+        """Have the witness ask; return its questions."""
         del self.asked[:]
         self.witness.ask(self.now)
         return [command for command, _ in self.asked]

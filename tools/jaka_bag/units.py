@@ -5,12 +5,12 @@ NS_PER_S = 1000000000
 
 
 def s_to_ms(value: float) -> float:
-    """Time: s to ms."""
+    """Convert a time from s to ms."""
     return value * 1000.0
 
 
 def ms_to_s(value: float) -> float:
-    """Time: ms to s."""
+    """Convert a time from ms to s."""
     return value / 1000.0
 
 

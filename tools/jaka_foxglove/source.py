@@ -76,7 +76,7 @@ class ChannelSource:
         self.audience = Audience()
 
     async def open(self) -> None:
-        """Begin."""
+        """Open the source, so that channels and services are known."""
 
     async def close(self) -> None:
         """End; nothing is sent to the audience any more."""

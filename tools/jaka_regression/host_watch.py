@@ -24,8 +24,9 @@ class Pause:
 
 
 class HostWatch:
-    """While it is open, a thread on each processor wants to run every 20 ms, and notes where it was late by more than
-    ``NOTABLE_S``: a host may take one processor away, and leave the others.
+    """The watch of a host: on each processor a thread wants to run every 20 ms, and notes where it was late.
+
+    Late is more than ``NOTABLE_S``. A host may take one processor away, and leave the others.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A golden log happens again: simulated controllers, driver, recorder and calls together; then the comparison."""
+"""The replay of a golden log: simulated controllers, driver, recorder and calls together; then the comparison."""
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path

@@ -210,7 +210,7 @@ def _perform(args: argparse.Namespace, plan: MotionPlan, node: str, report: Repo
 
 def _go_to_start(args: argparse.Namespace, plan: MotionPlan, driver: Any, arm: Any, node: str,
                  cancelled: Flag) -> Any:
-    """See that the arm stands where the motion began, or move it there; how that failed, None where it is there.
+    """Move the arm to where the motion began, unless it stands there; return how that failed, None where it did not.
 
     Raises:
         BagError: It stands elsewhere, and shall not be moved, or does not come there.

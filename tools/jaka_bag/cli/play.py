@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class _Stop(BaseException):
-    """A signal, or another node, ends the playing."""
+    """The end of the playing by a signal or another node."""
 
 
 @contextlib.contextmanager

@@ -128,7 +128,7 @@ class Check:
 def judged(aspect: Aspect, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
            at: Optional[float] = None, golden: str = "", candidate: str = "",
            evidence: Tuple[Tuple[float, float], ...] = ()) -> Check:
-    """Return a check whether an amount is within its limit; NaN is not within it."""
+    """Return the check of an amount against its limit; NaN is beyond it."""
     outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
     return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate, evidence)
 

@@ -175,7 +175,7 @@ class DataSet:
         return lines[0]
 
     def close(self) -> None:
-        """Close it."""
+        """Close the connection to the database."""
         self._connection.close()
 
     def __enter__(self) -> "DataSet":

@@ -93,7 +93,7 @@ class Peer(web.RequestHandler):
             self.data_received(self._begin)
 
     def connection_lost(self, exc: Optional[BaseException]) -> None:
-        """End."""
+        """Forget the connection, which has ended."""
         self._peers.remove(self)
         self.begins()
         super().connection_lost(exc)

@@ -189,7 +189,7 @@ class LineFollower:
     # ---- speeds ----
 
     def _steps(self, line: JogLine, speed: float) -> List[LineStep]:
-        """Return the step at this rate, or near it, and those that bring the arm to rest; none where there is none."""
+        """Return the step at this speed, or near it, and the steps that then bring the arm to rest; [] without one."""
         is_same = line is self._line
         now = self.now if is_same else self.now._replace(way=0.0, speed=speed if any(self.now.joint_velocity) else 0.0)
         linear, angular = math.hypot(*line.direction[:3]), math.hypot(*line.direction[3:])

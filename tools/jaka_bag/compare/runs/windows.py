@@ -39,7 +39,7 @@ class Rows(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """The memory that the values take, bytes."""
         return 24 * len(self.time) + sum(value.nbytes for value, _ in self.values.values())
 
 
@@ -75,7 +75,7 @@ class _Store:
         return rows
 
     def close(self) -> None:
-        """Forget everything."""
+        """Remove the file and forget what was in it."""
         self._places.clear()
         if self._file is not None:
             with contextlib.suppress(OSError):  # what could not be written still cannot
