@@ -16,7 +16,7 @@ from jaka_ros_driver.clearance.distances import (
     point_in_base,
     segment_distance,
 )
-from jaka_ros_driver.clearance.shape import Capsule, arm_shape
+from jaka_ros_driver.clearance.shape import FLANGE_FRAME, Capsule, arm_shape
 from jaka_ros_driver.clearance.workspace import NO_ZONES, Workspace
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
@@ -132,6 +132,11 @@ class MotionGuard:
             if gap < distance:
                 distance, found = gap, check
         return Nearest(distance, found.first, found.second)
+
+    def distance_from_tool(self, point: Vector3) -> float:
+        """Return the distance, m, of a point in the flange's frame, m, from flange and tool; below 0 inside of them."""
+        return min([segment_distance(point, point, capsule.start, capsule.end) - capsule.radius
+                    for capsule in self._capsules if capsule.frame == FLANGE_FRAME])
 
     def trouble(self, joints: Vector) -> str:
         """Return what comes nearer than the margin at these joint angles, rad, shape (6,), as a text; else ""."""

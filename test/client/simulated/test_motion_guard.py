@@ -265,6 +265,22 @@ def test_the_rounded_corners_that_are_looked_at_hold_the_way_of_the_simulated_co
     assert max(min(math.dist(place, other) for other in rounded) for place in near) < 1e-3
 
 
+@pytest.mark.parametrize("tool, known, outside", [
+    ((0.0, 0.0, 0.12), [], 120.0), ((0.0, 0.1, 0.1), [], None), ((0.0, 0.0, 0.03), [], 0.0), ((0.0, 0.0, 0.0), [], 0.0),
+    ((0.0, 0.0, 0.2), [{"name": "gripper", "start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.16], "radius": 0.03}], 0.0)])
+def test_a_tool_that_the_guard_does_not_see_is_told_once(tool, known, outside):
+    arm = simulated(workspace=workspace_of({"tool": known}))
+    log, told = arm.core.actions.log, []
+    arm.core.actions.log = lambda level, text: (told.append(text), log(level, text))
+    frame = c.SetToolFrame(2, c.Pose(tool, (0.0, 0.0, 0.0)), "long")
+    arm.does(lambda core: settings.set_tool_frame(core, frame, True), SETTING)
+    for _ in range(2):
+        assert moved(arm, line(arm, z=0.01)) is None
+    found = [text for text in told if "it does not see this tool" in text]
+    assert len(found) == (outside != 0.0), told
+    assert not outside or " %.0f mm outside of all parts" % outside in found[0]
+
+
 def test_a_guard_that_fails_refuses_and_sends_nothing_unchecked():
     arm = simulated()
 

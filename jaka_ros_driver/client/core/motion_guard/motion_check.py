@@ -3,6 +3,7 @@
 It is no safety function: it knows slim capsules and the zones of a file, and nothing of people.
 """
 import logging
+import math
 from typing import Callable, List, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
@@ -33,6 +34,7 @@ from jaka_ros_driver.kinematics.rotations import (
 from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import Array, Path, highest_fourths, sampled
 from jaka_ros_driver.trajectory.rates import LARGEST_OVERSHOOT
+from jaka_ros_driver.units import m_to_mm
 
 STOP, WARN, OFF = "stop", "warn", "off"
 """The values of ``~guard_motion``: refuse and brake, only log, do not look."""
@@ -44,6 +46,12 @@ places are so near in time that it is not more, for the longest lever of each jo
 """
 _HIGHEST_ACCELERATION = LARGEST_OVERSHOOT * JOINT_ACCELERATION_CEILING
 """Highest acceleration, rad/s2, that the audit lets pass: a path that asks for more than a joint has is run slower."""
+_SAME_TIP = 0.005
+"""Distance, m, up to which a tool's point counts as that of before: calibrated arms are some mm beside their model."""
+_FAR_TIP = 0.05
+"""Distance, m, of a tool's point from all known parts above which they are taken for another tool's: the origin of a
+frame may lie between a gripper's fingers, or at the end of a work piece.
+"""
 _STEP_S = 0.01
 """Time, s, over which the joints' speeds at the begin of a jog of the tool are measured."""
 _SAMPLES_AT_ONCE = 4096
@@ -87,6 +95,7 @@ class MotionCheck:
         self._model, self._actions, self._mode = model, actions, settings.guard_motion
         self._guard = MotionGuard(model, settings.workspace)
         self._has_told_frames = False
+        self._known_tip: Vector = (0.0, 0.0, 0.0)
         self.tools: Optional[Sequence[Transform]] = None
 
     @property
@@ -115,7 +124,10 @@ class MotionCheck:
 
     def place_of(self, state: RobotState) -> StartPlace:
         """Return the place of an arm at rest."""
-        return StartPlace(state.joint_position, tool_frames(self._model, state, self.tools))
+        frames = tool_frames(self._model, state, self.tools)
+        if frames is not None and self.is_on:
+            self._tell_unseen_tool(frames.flange_t_tool[9:])
+        return StartPlace(state.joint_position, frames)
 
     def after_move(self, command: PathCommand, start: StartPlace) -> Looks[StartPlace]:
         """Check one move from its start; return the place where it ends.
@@ -262,6 +274,20 @@ class MotionCheck:
         if way.early_end is not None:
             return _place_text(way.early_end.share, way.length, "it cannot go on: " + way.early_end.reason)
         return ""
+
+    def _tell_unseen_tool(self, tip: Vector) -> None:
+        """Log where the point of the active tool, m in the flange's frame, lies far outside of all known parts.
+
+        Nobody but the workspace says what shape a tool has; a frame that was set for it changes none.
+        """
+        if math.dist(tip, self._known_tip) <= _SAME_TIP:
+            return
+        self._known_tip = tip
+        outside = self._guard.distance_from_tool((tip[0], tip[1], tip[2]))
+        if outside > _FAR_TIP:
+            self._actions.log(logging.WARNING, "the point of the active tool is %.0f mm outside of all parts that the "
+                              "motion guard knows: it does not see this tool; describe it under 'tool' in the file of "
+                              "~workspace" % m_to_mm(outside))
 
     def _tell_unknown_frames(self) -> None:
         if self.is_on and not self._has_told_frames:
