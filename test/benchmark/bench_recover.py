@@ -1,4 +1,6 @@
-"""The messages, time and memory of recovering damaged logs, beside rosbag reindex and pymcap-cli recover.
+"""The messages, time and memory of recovering damaged logs, beside rosbag reindex and other software for MCAP.
+
+These are pymcap-cli recover, and a script by the rules of mcap recover (``mcap_recover_rules``).
 
 The logs are those of a driver, written by rosbag (.bag: none, lz4, bz2) and the library mcap (.mcap: none, lz4, zstd,
 without chunks), and damaged by chance: cut, bits flipped, overwritten with zeros or noise, bytes missing or put in.
@@ -27,6 +29,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapLibraryWriter
 
+RULES = Path(__file__).parents[1] / "support" / "logs" / "mcap_recover_rules.py"
 SECONDS = 8.0
 FORMS = ("bag none", "bag lz4", "bag bz2", "mcap none", "mcap lz4", "mcap zstd", "mcap unchunked")
 DAMAGES = ("cut", "one bit", "bits", "zeros", "noise", "missing", "put in")
@@ -106,6 +109,8 @@ def programs(form: str, pymcap: str) -> Dict[str, List[str]]:
     found = {"jaka_bag recover": [*JAKA_BAG, "recover", "IN", "OUT", "-q"]}
     if form.startswith("bag") and shutil.which("rosbag"):
         found["rosbag reindex"] = ["sh", "-c", "cp IN OUT && rosbag reindex -f -q OUT"]
+    if form.startswith("mcap"):
+        found["rules of mcap recover"] = [sys.executable, str(RULES), "IN", "OUT"]
     if form.startswith("mcap") and pymcap:
         found["pymcap-cli recover"] = [pymcap, "recover", "IN", "-o", "OUT", "--quiet"]
     return found
@@ -180,10 +185,10 @@ def main() -> int:
             remove([source])
     print("%d damaged files from seed %d; Python %s, %d cores, load %.1f" % (
         args.files, args.first, sys.version.split()[0], os.cpu_count() or 0, os.getloadavg()[0]))
-    print("%-15s %-20s %6s %10s %9s %9s %9s %9s" % (
+    print("%-15s %-21s %6s %10s %9s %9s %9s %9s" % (
         "", "", "files", "kept", "altered", "nothing", "s a file", "memory"))
     for (form, program), t in sorted(totals.items(), key=lambda item: FORMS.index(item[0][0])):
-        print("%-15s %-20s %6d %9.2f%% %9d %9d %9.2f %6.0f MB" % (
+        print("%-15s %-21s %6d %9.2f%% %9d %9d %9.2f %6.0f MB" % (
             form, program, t.files, 100 * t.kept / max(t.of, 1), t.altered, t.nothing, t.wall / t.files,
             t.memory / 1e6))
     print("files of which a peer keeps a message that ours loses: %d" % worse)

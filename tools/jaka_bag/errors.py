@@ -26,7 +26,13 @@ class BagFormatError(BagError):
 
 
 class LimitReached(BagFormatError):
-    """A log that asks for more than a reader gives to one that may come from anyone; the text says how to raise it."""
+    """A log that asks for more than a reader gives to one that may come from anyone; the text says how to raise it.
+
+    Attributes:
+        WORDS: Part of each text.
+    """
+
+    WORDS = "a limit, not damage"
 
 
 class NotSupported(BagFormatError):

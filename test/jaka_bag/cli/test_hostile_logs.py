@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from hostile_logs import HEAVY, HOSTILE, MOST_BYTES, MOST_CPU_S, RUN_ALL, make
+import zstandard
+from hostile_logs import HEAVY, HOSTILE, MOST_BYTES, MOST_CPU_S, RUN_ALL, make, mcap_with_chunks
 from log_samples import BREAK, START_NS, Sample, connection, read, write
+from mcap_variants import record
 
 from jaka_bag.cli import main as command
 from jaka_bag.cli.main import main
@@ -65,18 +67,36 @@ def test_a_chunk_is_unpacked_to_what_it_claims_and_no_further(corpus):
             reader.load(reader.chunks[0])
 
 
-def test_all_chunks_together_are_limited_and_the_limit_can_be_raised(monkeypatch):
+def spent(size, messages=0, payload=0):
     allowance = Allowance(1000)
-    allowance.take(0, 5 << 30)
-    allowance.take(0, 5 << 30)  # the same chunk again
-    with pytest.raises(LimitReached, match="a limit, not damage.* JAKA_BAG_UNPACK_MB=9664"):
-        allowance.take(1, 4 << 30)
+    for position in (0, 0, 1):  # the first chunk is read twice, and counts once
+        allowance.spend(position, size, messages, payload)
+    return allowance
+
+
+def test_what_chunks_hold_beyond_messages_is_limited_and_the_limit_can_be_raised(monkeypatch):
+    spent(5 << 30, 10, 5 << 30).check()
+    spent(250 << 20).check()
+    with pytest.raises(LimitReached, match="a limit, not damage.* JAKA_BAG_UNPACK_MB=546"):
+        spent(260 << 20).check()
     monkeypatch.setenv("JAKA_BAG_UNPACK_MB", "21000")
-    Allowance(1000).take(0, 19 << 30)
+    spent(9 << 30).check()
     for meaningless in ("²", "9" * 5000, "-1", "many"):
         monkeypatch.setenv("JAKA_BAG_UNPACK_MB", meaningless)
         with pytest.raises(LimitReached):
-            Allowance(1000).take(0, 19 << 30)
+            spent(9 << 30).check()
+
+
+def test_chunks_without_messages_end_a_reading_at_the_limit(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("jaka_bag.containers.compression._BARREN_FLOOR", 1 << 20)
+    monkeypatch.setattr("jaka_bag.containers.compression._BARREN_RATIO", 0)
+    unknown = record(0x7f, bytes(1 << 20))
+    path = tmp_path / "barren.mcap"
+    path.write_bytes(mcap_with_chunks("zstd", [zstandard.compress(unknown)] * 4, len(unknown)))
+    for words in (["convert", str(path), str(tmp_path / "out.bag"), "-q"], ["doctor", str(path)]):
+        assert main(words) == 1
+        told = "".join(capsys.readouterr())
+        assert "a limit, not damage: up to 1 MB are unpacked" in told and "damaged" not in told
 
 
 def test_damages_in_an_open_chunk_cost_no_more_than_themselves(corpus, tmp_path, capsys):

@@ -2,7 +2,7 @@
 import argparse
 from typing import Any, Dict, List
 
-from ..operations.diagnosis import DAMAGED, ODD, diagnose
+from ..operations.diagnosis import DAMAGED, LIMITED, ODD, diagnose
 from .main import for_each_file
 from .options import Report, add_report
 
@@ -15,9 +15,10 @@ examples:
   jaka_bag doctor run.bag
   jaka_bag doctor logs/*.mcap --json
 
-Exit code: 0 whole (warnings or not), 1 damaged, 2 usage.
+Exit code: 0 whole (warnings or not), 1 damaged, or not read whole because of a limit, 2 usage.
 """
 _VERDICTS = {DAMAGED: "damaged: jaka_bag recover keeps the %d messages that can be read",
+             LIMITED: "not read whole: a limit, not damage; %d messages were read",
              ODD: "whole, with warnings: %d messages", "whole": "whole: %d messages"}
 
 
@@ -44,4 +45,4 @@ def run(args: argparse.Namespace) -> int:
 
     code = for_each_file(args.files, show)
     report.finish({"files": documents})
-    return max(code, int(any(document["verdict"] == DAMAGED for document in documents)))
+    return max(code, int(any(document["verdict"] in (DAMAGED, LIMITED) for document in documents)))

@@ -13,14 +13,15 @@ from .index import Buffer, read_at
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
-_CHUNK_FLOOR, _CHUNK_RATIO = 128 << 20, 50
-_FILE_FLOOR, _FILE_RATIO = 8 << 30, 100
+_WINDOW = 256 << 20
+"""Bytes that one chunk may unpack to: they are in memory at once, whatever the file's size."""
 _BARREN_FLOOR, _BARREN_RATIO = 512 << 20, 10
-"""Limits of what a chunk, all chunks of a file, and all of it that gives no message may claim: byte, or a multiple of
-the stored bytes if larger.
+"""Limit of what the chunks of a file may unpack to beyond their messages: byte, or a multiple of the file if larger.
 
-That of a chunk bounds memory, that of a file time and what an output takes, that without messages the time for nothing.
+It bounds the time for nothing. Messages have no such limit: they are what a log is read for, and pass one by one.
 """
+MESSAGE_HEAD = 64
+"""Bytes around a message's payload in a chunk, at most."""
 _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 """Environment variable, MB, that raises all limits for a file that is trusted."""
 
@@ -92,58 +93,67 @@ def unknown_codec(name: str) -> NotSupported:
     return NotSupported("the compression %r is not supported; the log is not damaged" % name[:20])
 
 
-def is_readable(size: int, stored: int) -> bool:
-    """Return whether every reader unpacks a chunk of ``stored`` bytes to ``size`` bytes."""
-    return size <= max(_CHUNK_FLOOR, _CHUNK_RATIO * stored)
+def is_readable(size: int) -> bool:
+    """Return whether every reader unpacks a chunk to ``size`` bytes."""
+    return size <= _WINDOW
 
 
-def _limit(floor: int, ratio: int, stored: int) -> int:
-    """Return the largest uncompressed size, byte, that ``stored`` bytes may claim."""
+def _limit(*limits: int) -> int:
+    """Return the largest of some limits, byte, and of the one in the environment."""
     trusted = os.environ.get(_LIMIT_NAME, "")
-    return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdecimal() and len(trusted) < 10 else 0)
+    return max(*limits, int(trusted) * 1000000 if trusted.isdecimal() and len(trusted) < 10 else 0)
 
 
 def _limit_reached(what: str, claimed: int, limit: int) -> LimitReached:
-    return LimitReached("%s unpacked to %d MB; a limit, not damage: up to %d MB are unpacked, and %d with %s=%d in the "
-                        "environment" % (what, claimed // 1000000, limit // 1000000, claimed // 1000000 + 1,
-                                         _LIMIT_NAME, claimed // 1000000 + 1))
+    return LimitReached("%s unpacked to %d MB; %s: up to %d MB are unpacked, and %d with %s=%d in the environment" % (
+        what, claimed // 1000000, LimitReached.WORDS, limit // 1000000, claimed // 1000000 + 1, _LIMIT_NAME,
+        claimed // 1000000 + 1))
 
 
 class Allowance:
-    """A limit for the total size that the chunks of one file unpack to; thread-safe.
+    """A limit for what the chunks of one file unpack to beyond their messages; thread-safe.
 
     Args:
         file_size: byte.
     """
 
     def __init__(self, file_size: int) -> None:
-        self._limit = _limit(_FILE_FLOOR, _FILE_RATIO, file_size)
-        self._most_barren = _limit(_BARREN_FLOOR, _BARREN_RATIO, file_size)
-        self._claimed: Dict[int, int] = {}
+        self._most_barren = _limit(_BARREN_FLOOR, _BARREN_RATIO * file_size)
+        self._barren: Dict[int, int] = {}
         self._total = 0
         self._lock = threading.Lock()
 
-    def take(self, position: int, size: int) -> None:
-        """Allow the chunk at a position of the file to unpack to ``size`` bytes.
+    def spend(self, position: int, size: int, messages: int, payload: int) -> None:
+        """Count the chunk at a position of the file, which unpacked to ``size`` bytes; the same one counts once.
+
+        Args:
+            position: Its first byte.
+            size: byte.
+            messages: Messages that it gave.
+            payload: Bytes of their payloads.
+        """
+        barren = size - payload - MESSAGE_HEAD * messages
+        if barren > 0:
+            with self._lock:
+                self._total += barren - self._barren.get(position, 0)
+                self._barren[position] = barren
+
+    def check(self) -> None:
+        """Check that another chunk may be unpacked.
 
         Raises:
-            LimitReached: The chunks claim too much.
+            LimitReached: Those before gave too little for it.
         """
-        with self._lock:
-            self._total += size - self._claimed.get(position, 0)
-            self._claimed[position] = size
-            if self._total > self._limit:
-                raise _limit_reached("its chunks up to here are", self._total, self._limit)
-
+        self.check_barren(self._total)
 
     def check_barren(self, size: int) -> None:
-        """Check the bytes that chunks unpacked to without giving messages.
+        """Check the bytes that chunks unpacked to beyond their messages.
 
         Raises:
             LimitReached: They are too many for another chunk.
         """
         if size > self._most_barren:
-            raise _limit_reached("chunks without messages are", size, self._most_barren)
+            raise _limit_reached("what is no message in its chunks is", size, self._most_barren)
 
 
 def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
@@ -198,7 +208,7 @@ def check_chunk(size: int, stored: int) -> None:
     Raises:
         LimitReached: It is too much.
     """
-    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, stored)
+    most = _limit(_WINDOW)
     if size < 0 or size > most:
         raise _limit_reached("a chunk of %d bytes is" % stored, size, most)
 
@@ -243,7 +253,7 @@ def unpack_file(descriptor: int, size: int, out: IO[bytes]) -> Tuple[int, str]:
     """
     zstandard = _import("zstandard", "zstd")
     decoder = zstandard.ZstdDecompressor().decompressobj()
-    most = _limit(_WHOLE_FLOOR, _WHOLE_RATIO, size)
+    most = _limit(_WHOLE_FLOOR, _WHOLE_RATIO * size)
     at = 0
     try:
         for begin in range(0, size, _READ):
@@ -269,7 +279,7 @@ def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> b
         data: Bytes of the chunk that there are.
         size: Bytes at most; None where the chunk has no size.
     """
-    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
+    most = _limit(_WINDOW)
     most = most if size is None else min(size, most)
     if codec in ("none", ""):
         return bytes(data) if size is None else bytes(data[:size])

@@ -29,6 +29,7 @@ class ChunkRef(NamedTuple):
         counts: Messages by number of the connection; empty where the index does not say.
         is_loose: The bytes are plain records rather than one chunk record (MCAP without chunks).
         rows: Numbers of the first and the last row of a database; of files no meaning.
+        unpacked: Bytes that it unpacks to, as it claims; 0 where nothing says.
     """
 
     position: int
@@ -38,6 +39,7 @@ class ChunkRef(NamedTuple):
     counts: Dict[int, int]
     is_loose: bool = False
     rows: Tuple[int, int] = (0, 0)
+    unpacked: int = 0
 
 
 class AttachmentIndex(NamedTuple):

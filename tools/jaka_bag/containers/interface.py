@@ -56,7 +56,7 @@ def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> Chunk
     counts = np.bincount(batch.connection) if numbers[-1] < _LOOKUP_LIMIT else None
     return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()), {
         number: int((batch.connection == number).sum() if counts is None else counts[number]) for number in numbers},
-        is_loose)
+        is_loose, unpacked=int(batch.length.sum()))
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
@@ -197,6 +197,10 @@ class LogReader:
 
     def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
         raise NotImplementedError
+
+    def _spend(self, chunk: ChunkRef, size: int, batch: MessageBatch) -> None:
+        """Count what a chunk unpacked to, byte, against what it gave."""
+        self._allowance.spend(chunk.position, size, len(batch), int(batch.length.sum()))
 
     def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:
         """Return the chunks that may hold a wanted message, in the order of the file."""
@@ -407,10 +411,8 @@ class LogWriter:
 
     def _packed(self, data: Array) -> Tuple[str, Buffer]:
         """Return the codec and the stored bytes of a chunk: none where readers would not unpack them."""
-        if self._codec != "none":
-            body = self._compress(data.data)
-            if is_readable(len(data), len(body)):
-                return self._codec, body
+        if self._codec != "none" and is_readable(len(data)):
+            return self._codec, self._compress(data.data)
         return "none", data.data
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:

@@ -6,7 +6,7 @@ from ..errors import BagFormatError, DefinitionError, LimitReached
 from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
-from .compression import Allowance, decompress, decompress_partly
+from .compression import MESSAGE_HEAD, Allowance, decompress, decompress_partly
 from .index import AttachmentIndex, Buffer, MetadataIndex
 
 
@@ -28,6 +28,11 @@ class Loss(NamedTuple):
     after: Optional[int] = None
     until: Optional[int] = None
     file: str = ""
+
+    @property
+    def is_limit(self) -> bool:
+        """True where nothing is known to be damaged: a limit of the reader ended it."""
+        return LimitReached.WORDS in self.reason
 
     def describe(self) -> str:
         """Return the loss as one line; times are in s."""
@@ -63,10 +68,6 @@ class Stretch(NamedTuple):
     is_loose: bool = False
 
 
-_MESSAGE_HEAD = 40
-"""Bytes around a message's payload in a chunk, about."""
-
-
 @functools.lru_cache(maxsize=1024)
 def soundness(connection: Connection) -> int:
     """Rank how credible a description is: 2 where the md5 fits, 1 where its text is valid, else 0."""
@@ -88,7 +89,7 @@ class LogRecovery:
         profile: MCAP profile of the messages.
         attachments: Whole attachments found so far.
         metadata: Whole metadata records found so far.
-        allowance: Limits what the chunks unpack to.
+        allowance: Limits what the chunks unpack to beyond their messages.
         notes: Bytes that are no part of the format and were skipped, one line each, so far.
         most_unpacked: Bytes that are unpacked of one chunk, at most; None for all.
         misled: Chunks so far whose own index leads to other places than their messages.
@@ -134,7 +135,7 @@ class LogRecovery:
                 first = int(batch.log_time[0])
                 self.losses[self._open:] = [loss._replace(until=first) for loss in self.losses[self._open:]]
                 self._open, self._last_time = len(self.losses), int(batch.log_time[-1])
-                self._barren = max(self._barren - int(batch.length.sum()) - _MESSAGE_HEAD * len(batch), 0)
+                self._barren = max(self._barren - int(batch.length.sum()) - MESSAGE_HEAD * len(batch), 0)
             yield stretch
 
     def _stretches(self) -> Iterator[Stretch]:
@@ -157,14 +158,13 @@ class LogRecovery:
         """
         return []
 
-    def _unpack(self, codec: str, data: Buffer, at: int, size: Optional[int] = None, is_whole: bool = True
+    def _unpack(self, codec: str, data: Buffer, size: Optional[int] = None, is_whole: bool = True
                 ) -> Tuple[Buffer, str]:
         """Return what a chunk unpacks to, or the decodable beginning of it, and the reason where it is not all.
 
         Args:
             codec: Its codec.
             data: Its bytes that there are.
-            at: Its position.
             size: Bytes that it claims to unpack to; None for no claim.
             is_whole: All its bytes are there.
         """
@@ -193,11 +193,6 @@ class LogRecovery:
                 reason += ", and the last of what it gives may not be as recorded"
         if is_packed:
             self._barren += len(raw)
-            try:
-                self.allowance.take(at, len(raw))
-            except LimitReached as error:
-                self._limit = str(error)
-                return b"", self._limit
         return raw, reason
 
     def _skip_damage(self, at: int, reason: str) -> int:

@@ -168,10 +168,10 @@ class Rosbag2Folder:
         for source, log_time, raw in self._raw_messages(start, stop):
             yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)
 
-    def times(self) -> Iterator[Tuple[int, int]]:
-        """Yield (number of the connection, log time in ns) of each message."""
-        for source, log_time, _ in self._raw_messages(None, None):
-            yield self._numbers[source.id], log_time
+    def sizes(self) -> Iterator[Tuple[int, int, int]]:
+        """Yield (number of the connection, log time in ns, bytes) of each message."""
+        for source, log_time, raw in self._raw_messages(None, None):
+            yield self._numbers[source.id], log_time, len(raw)
 
     def close(self) -> None:
         """Remove what was unpacked."""

@@ -11,19 +11,23 @@ from .interface import LogReader
 from .rosbag2_declarations import declarations
 from .rosbag2_folder import Rosbag2Folder, describe
 
-_MESSAGES = 4096
-"""Messages in one chunk, about: the folder has none of its own that both storages share."""
+_MESSAGES, _BYTES = 4096, 4 << 20
+"""Messages in one chunk, and bytes of them, about: the folder has none of its own that both storages share."""
 
 
-def _chunks(numbers: Array, times: Array, bytes_each: int) -> List[ChunkRef]:
+def _chunks(numbers: Array, times: Array, sizes: Array, bytes_each: int) -> List[ChunkRef]:
     """Return chunks of messages in the order of time, which part where the time changes."""
     chunks: List[ChunkRef] = []
+    ends = np.cumsum(sizes)
     begin = 0
     while begin < len(times):
-        end = int(np.searchsorted(times, times[min(begin + _MESSAGES, len(times)) - 1], "right"))
+        fits = int(np.searchsorted(ends, (ends[begin - 1] if begin else 0) + _BYTES, "right"))
+        last = min(begin + _MESSAGES, max(fits, begin + 1), len(times)) - 1
+        end = int(np.searchsorted(times, times[last], "right"))
         counts = np.bincount(numbers[begin:end])
         chunks.append(ChunkRef(begin * bytes_each, end * bytes_each, int(times[begin]), int(times[end - 1]), {
-            number: int(counts[number]) for number in np.flatnonzero(counts).tolist()}))
+            number: int(counts[number]) for number in np.flatnonzero(counts).tolist()},
+            unpacked=int(sizes[begin:end].sum())))
         begin = end
     return chunks
 
@@ -43,15 +47,14 @@ class Rosbag2Reader(LogReader):
     def __init__(self, path: PathLike) -> None:
         folder = self._folder = Rosbag2Folder(path)
         try:
-            found = list(folder.times())
+            found = list(folder.sizes())
         except BaseException:
             folder.close()
             raise
-        numbers = np.array([number for number, _ in found], np.int64)
-        times = np.array([time for _, time in found], np.int64)
+        numbers, times, sizes = np.array(found, np.int64).reshape(-1, 3).T
         order = np.argsort(times, kind="stable")
         facts = describe(path)
-        chunks = _chunks(numbers[order], times[order], max(facts["size"] // max(len(found), 1), 1))
+        chunks = _chunks(numbers[order], times[order], sizes[order], max(facts["size"] // max(len(found), 1), 1))
         counts = np.bincount(numbers, minlength=len(folder.connections)).tolist()
         start, end = (int(times.min()), int(times.max())) if found else (None, None)
         by_topic: Dict[str, int] = {}

@@ -35,7 +35,6 @@ class SqliteReader(LogReader):
                 rows = self._database.execute("SELECT topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? "
                                               "ORDER BY id", chunk.rows).fetchall()
             batch = batch_of([(topic, time, unpacked(data)) for topic, time, data in rows])
-            self._allowance.take(chunk.position, len(batch.data))
             return batch.replace(connection=self._renumber(batch.connection))
         except LimitReached as error:
             raise LimitReached("%s: rows %d to %d: %s" % (self.path, *chunk.rows, error)) from error

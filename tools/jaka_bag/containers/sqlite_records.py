@@ -136,7 +136,7 @@ class _Chunks:
         if self._rows:
             end = self._position + self._stored
             self.chunks.append(ChunkRef(self._position, end, min(self._times), max(self._times), self._counts,
-                                        rows=(self._rows[0], self._rows[-1])))
+                                        rows=(self._rows[0], self._rows[-1]), unpacked=self._size))
             self.codecs.append((self._codec, self._stored, self._size))
             self._position = end
             self._reset()

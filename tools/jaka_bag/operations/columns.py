@@ -21,20 +21,21 @@ from ..messages.selection import MessageFilter, Selection
 from ..paths import PathLike
 from ..pipeline import WORKERS, in_order
 
-_GROUP_MESSAGES, _GROUP_BYTES = 30000, 2 << 20
+_GROUP_MESSAGES, _GROUP_BYTES, _UNPACKED_BYTES = 30000, 2 << 20, 16 << 20
 
 
 def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
     """Group chunks in the order of time, into groups that are worth to be decoded at once."""
     groups: List[List[ChunkRef]] = []
-    messages = size = 0
+    messages = size = unpacked = 0
     for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.position)):
-        if not groups or messages >= _GROUP_MESSAGES or size >= _GROUP_BYTES:
+        if not groups or messages >= _GROUP_MESSAGES or size >= _GROUP_BYTES or unpacked >= _UNPACKED_BYTES:
             groups.append([])
-            messages = size = 0
+            messages = size = unpacked = 0
         groups[-1].append(chunk)
         messages += sum(chunk.counts.values())
         size += chunk.end - chunk.position
+        unpacked += chunk.unpacked
     return groups
 
 

@@ -39,8 +39,8 @@ _MAX_PIECE = 4 << 20
 """Payload of the largest chunk written from larger ones, byte."""
 _OVERLAP = 0.1
 """Share of the chunks' time that lies in an earlier chunk, too, above which sorting is worth its time."""
-_SMALL = 256 << 10
-"""Neighbouring chunks are written as one up to this many bytes in the source."""
+_SMALL, _SMALL_UNPACKED = 256 << 10, 8 << 20
+"""Neighbouring chunks are written as one up to this many bytes in the source, and unpacked."""
 
 OnProgress = Callable[[int, int], None]
 """A callback for the bytes read and the messages written since the last call."""
@@ -241,14 +241,15 @@ def write_in_order(items: Iterable[_Item], load: Callable[[_Item], Tuple[int, Me
 def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
     """Yield neighbouring small chunks together, each larger one on its own."""
     group: List[ChunkRef] = []
-    size = 0
+    size = unpacked = 0
     for chunk in chunks:
         length = chunk.end - chunk.position
-        if group and size + length > _SMALL:
+        if group and (size + length > _SMALL or unpacked + chunk.unpacked > _SMALL_UNPACKED):
             yield group
-            group, size = [], 0
+            group, size, unpacked = [], 0, 0
         group.append(chunk)
         size += length
+        unpacked += chunk.unpacked
     if group:
         yield group
 
@@ -338,7 +339,7 @@ def copy_log(reader: LogReader, writer: LogWriter, message_filter: MessageFilter
 
 
 def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteResult:
-    """Convert one file.
+    """Convert one file; leave out, and note, a topic that the target cannot hold, where others remain.
 
     Raises:
         BagError: The source cannot be read, or the target cannot be written or hold it.

@@ -5,9 +5,9 @@ from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
 import numpy as np
 
 from ..containers.interface import LogReader
-from ..containers.recovery import LogRecovery
+from ..containers.recovery import LogRecovery, Loss
 from ..containers.registry import open_damaged, open_log
-from ..errors import BagError, BagFormatError, DefinitionError
+from ..errors import BagError, BagFormatError, DefinitionError, LimitReached
 from ..messages.batch import MessageBatch, distinct
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
@@ -15,13 +15,21 @@ from ..messages.layout import LayoutFinder
 from ..paths import PathLike
 from .convert import OnProgress
 
-DAMAGED, ODD, WHOLE = "damaged", "odd", "whole"
+DAMAGED, LIMITED, ODD, WHOLE = "damaged", "limited", "odd", "whole"
 _EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"
 _MOST_LOSSES = 8
+_LEVELS = ("error", "limit", "warning", "note")
+"""Levels of findings, the worst first."""
 
 
 class Finding(NamedTuple):
-    """One thing found: ``error`` (something is lost), ``warning`` (some software will stumble) or ``note``."""
+    """One thing found.
+
+    Attributes:
+        level: ``error`` (something is lost), ``limit`` (something was not read), ``warning`` (some software will
+            stumble) or ``note``.
+        text: The finding, one line.
+    """
 
     level: str
     text: str
@@ -42,9 +50,9 @@ class Diagnosis(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """``damaged`` where there is an error, ``odd`` where there is a warning, else ``whole``."""
+        """``damaged`` where there is an error, ``limited`` for a limit, ``odd`` for a warning, else ``whole``."""
         levels = {finding.level for finding in self.findings}
-        return DAMAGED if "error" in levels else ODD if "warning" in levels else WHOLE
+        return next((verdict for level, verdict in zip(_LEVELS, (DAMAGED, LIMITED, ODD)) if level in levels), WHOLE)
 
     def document(self) -> Dict[str, Any]:
         """Return the diagnosis as JSON data."""
@@ -58,6 +66,17 @@ class _Findings:
 
     def error(self, text: str) -> None:
         self.list.append(Finding("error", text))
+
+    def limit(self, text: str) -> None:
+        self.list.append(Finding("limit", text))
+
+    def blame(self, error: BagError, text: str) -> None:
+        """Add an error that ended a reading: a limit or damage."""
+        (self.limit if LimitReached.WORDS in str(error) else self.error)(text)
+
+    @property
+    def has_limit(self) -> bool:
+        return any(finding.level == "limit" for finding in self.list)
 
     def warn(self, text: str) -> None:
         self.list.append(Finding("warning", text))
@@ -117,7 +136,7 @@ class _Messages:
         if self._timeless:
             self._findings.warn("%d messages have the log time 0" % self._timeless)
         for file_id, count in self.counts.items():
-            if file_id not in self._recovery.connections:
+            if file_id not in self._recovery.connections and not self._findings.has_limit:
                 self._findings.error("%d messages of connection %d, which is not described" % (count, file_id))
 
 
@@ -153,6 +172,8 @@ def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> N
     index = reader.index
     for note in index.notes:
         (findings.error if index.contradiction and note is index.notes[-1] else findings.note)(note)
+    if findings.has_limit:  # what was not read cannot be compared
+        return
     if sum(index.counts) != seen.total:
         findings.error("the index tells of %d messages, the file holds %d" % (sum(index.counts), seen.total))
     else:
@@ -176,6 +197,17 @@ def _look_at_index(reader: LogReader, seen: _Messages, findings: _Findings) -> N
             findings.error("metadata %s: %s" % (entry.name, error))
 
 
+def _look_at_losses(losses: List[Loss], findings: _Findings) -> None:
+    """Add the losses, the first ones in full: those by a limit of this reader are no damage."""
+    for is_limit, add, rest in ((True, findings.limit, "%d more places were not read"),
+                                (False, findings.error, "%d more places are damaged")):
+        some = [loss for loss in losses if loss.is_limit == is_limit]
+        for loss in some[:_MOST_LOSSES]:
+            add(loss.describe())
+        if len(some) > _MOST_LOSSES:
+            add(rest % (len(some) - _MOST_LOSSES))
+
+
 def _look_at_folder(path: PathLike, recovery: LogRecovery, findings: _Findings) -> None:
     """Open a rosbag2 folder as other commands do."""
     if recovery.expected is None:  # no declarations that can be read
@@ -187,7 +219,7 @@ def _look_at_folder(path: PathLike, recovery: LogRecovery, findings: _Findings) 
     except DefinitionError as error:
         findings.note("ROS 1 can have none of it: %s" % str(error).replace("%s: " % path, "", 1))
     except BagError as error:
-        findings.error("other commands cannot read it: %s" % str(error).replace("%s: " % path, "", 1))
+        findings.blame(error, "other commands cannot read it: %s" % str(error).replace("%s: " % path, "", 1))
 
 
 def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagnosis:
@@ -210,19 +242,15 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
             if on_progress is not None:
                 on_progress(stretch.end - done, len(stretch.batch))
             done = stretch.end
-        seen.finish()
     is_active = str(path).endswith(".active")
     for note in recovery.notes:
         findings.note(note)
-    losses = [loss for loss in recovery.losses if not (is_active and loss.end >= recovery.size)]
-    for loss in losses[:_MOST_LOSSES]:
-        findings.error(loss.describe())
-    if len(losses) > _MOST_LOSSES:
-        findings.error("%d more places are damaged" % (len(losses) - _MOST_LOSSES))
+    _look_at_losses([loss for loss in recovery.losses if not (is_active and loss.end >= recovery.size)], findings)
+    seen.finish()
     if recovery.misled and not str(path).endswith(".active"):
         findings.error("the index of %d chunks leads to other places than their messages" % recovery.misled)
     _look_at_connections(list(recovery.connections.values()), findings)
-    for contradiction in recovery.contradictions(seen.counts):
+    for contradiction in recovery.contradictions(seen.counts) if not findings.has_limit else ():
         findings.error(contradiction)
     if os.path.isdir(str(path)):
         _look_at_folder(path, recovery, findings)
@@ -234,10 +262,9 @@ def diagnose(path: PathLike, on_progress: Optional[OnProgress] = None) -> Diagno
             else:
                 _look_at_index(reader, seen, findings)
     except BagError as error:
-        findings.error("it has no usable index: %s" % str(error).replace("%s: " % path, "", 1))
+        findings.blame(error, "it has no usable index: %s" % str(error).replace("%s: " % path, "", 1))
     return _told(path, seen, findings)
 
 
 def _told(path: PathLike, seen: _Messages, findings: _Findings) -> Diagnosis:
-    order = ("error", "warning", "note")
-    return Diagnosis(str(path), seen.total, tuple(sorted(findings.list, key=lambda f: order.index(f.level))))
+    return Diagnosis(str(path), seen.total, tuple(sorted(findings.list, key=lambda f: _LEVELS.index(f.level))))

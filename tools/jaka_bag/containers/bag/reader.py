@@ -136,13 +136,14 @@ class BagReader(LogReader):
         data_end = head.data_start + head.data_size
         if data_end > len(raw):
             raise BagFormatError("the chunk is cut off")
-        self._allowance.take(chunk.position, head.size)
+        self._allowance.check()
         data = decompress(head.codec, memoryview(raw)[head.data_start:data_end], head.size)
         try:
             offset: Optional[Array] = offsets_in(index_entries(raw, data_end))
         except BagFormatError:  # the index only helps: the chunk's own records count
             offset = None
         parsed = parse_chunk(data, offset)
+        self._spend(chunk, head.size, parsed.batch)
         for file_id, inside in parsed.connections.items():
             number = self.index.numbers.get(file_id)
             differs = "" if number is None else fmt.difference(file_id, inside, self.connections[number])

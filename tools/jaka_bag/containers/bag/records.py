@@ -408,6 +408,8 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
         span = (info.start_time, info.end_time) if by_number else (0, 0)
         chunks.append(ChunkRef(info.position, end, *span, by_number))
     heads, stretches, contradictions = _look_at_chunks(descriptor, infos, first_chunk, index_position)
+    if len(heads) == len(chunks):
+        chunks = [chunk._replace(unpacked=head.size) for chunk, head in zip(chunks, heads)]
     notes = [look_between(descriptor, begin, end) for begin, end in stretches + [(index_end, size)]]
     filled = [chunk for chunk in chunks if chunk.counts]
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,

@@ -223,7 +223,7 @@ class BagRecovery(LogRecovery):
                     ) -> Iterator[Stretch]:
         """Yield all messages of a whole chunk, or those that are left of it."""
         end = at + head.data_start + head.data_size
-        raw, reason = self._unpack(head.codec, data, at, head.size)
+        raw, reason = self._unpack(head.codec, data, head.size)
         if not reason:
             try:
                 parsed = parse_chunk(raw, offset)
@@ -263,7 +263,7 @@ class BagRecovery(LogRecovery):
         """Yield the messages of a chunk without a known end; return the start of the next, or the end of the file."""
         if codec not in ("none", ""):
             end = self._next_chunk(start, self.size)
-            raw, limit = self._unpack(codec, read_at(self.descriptor, start, end - start), start)
+            raw, limit = self._unpack(codec, read_at(self.descriptor, start, end - start))
             yield from self._pieces(start, end, bytes(raw), end, limit or reason, True)
             return end
         at = start

@@ -155,7 +155,7 @@ class McapReader(LogReader):
         end = head.data_start + head.data_size
         if head.end > len(raw):
             raise BagFormatError("the chunk is cut off")
-        self._allowance.take(chunk.position, head.size)
+        self._allowance.check()
         data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
         if head.crc and zlib.crc32(data) != head.crc:
             raise BagFormatError("the chunk's CRC is wrong")
@@ -163,7 +163,9 @@ class McapReader(LogReader):
             offset = offsets_in(index_entries(raw, head.end))
         except BagFormatError:  # the index only helps: the chunk's own records count
             offset = None
-        return parse_chunk(data, offset, channels).batch
+        batch = parse_chunk(data, offset, channels).batch
+        self._spend(chunk, head.size, batch)
+        return batch
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""

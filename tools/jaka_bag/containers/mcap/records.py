@@ -500,7 +500,8 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     contradiction, found = _contradiction(descriptor, summary, data_start, data_end)
     chunks = [ChunkRef(c.position, c.position + c.size + c.index_size, *(
         (c.start_time, c.end_time) if found[c.position].counts else (0, 0)), {
-            numbers[channel]: count for channel, count in found[c.position].counts.items()})
+            numbers[channel]: count for channel, count in found[c.position].counts.items()},
+        unpacked=c.uncompressed_size)
         for c in (() if contradiction else summary.chunks)]
     filled = [chunk for chunk in chunks if chunk.counts]
     statistics = summary.statistics

@@ -325,7 +325,7 @@ class McapRecovery(LogRecovery):
         for codec, magic in _FRAMES:
             begin = raw.find(magic)
             if begin >= 0:
-                unpacked, limit = self._unpack(codec, read_at(self.descriptor, at + begin, end - at - begin), at,
+                unpacked, limit = self._unpack(codec, read_at(self.descriptor, at + begin, end - at - begin),
                                                is_whole=False)
                 yield from self._pieces(at, end, unpacked, limit or reason, True)
                 return end
@@ -361,13 +361,13 @@ class McapRecovery(LogRecovery):
             if self._next_chunk(at + 1, self.size) < self.size:
                 raise BagFormatError("a chunk's length is damaged")
             data = read_at(self.descriptor, at + head.data_start, head.data_size)
-            raw, reason = self._unpack(head.codec, data, at, head.size, False)
+            raw, reason = self._unpack(head.codec, data, head.size, False)
             yield from self._pieces(at, self.size, raw, reason or "the last chunk is cut off", head.codec != "none")
             return self.size
         region_end = self._region_end(at)
         region = read_at(self.descriptor, at, region_end - at)
         data = memoryview(region)[head.data_start:head.data_start + head.data_size]
-        full, reason = self._unpack(head.codec, data, at, head.size)
+        full, reason = self._unpack(head.codec, data, head.size)
         if reason:
             yield from self._pieces(at, end, full, reason, True)
             return region_end
