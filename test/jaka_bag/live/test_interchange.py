@@ -57,6 +57,17 @@ def test_rosbag_reindexes_what_lost_its_index(tmp_path, codec):
             assert reader.message_count >= theirs.get_message_count() > 0
 
 
+def test_an_empty_bag_that_rosbag_reindexed_is_read(tmp_path, capsys):
+    path = tmp_path / "empty.bag"
+    with rosbag.Bag(str(path), "w"):
+        pass
+    assert rosbag_program("reindex", "-f", path)[0] == 0
+    for words in (["info"], ["doctor"], ["convert", "-o", str(tmp_path / "out.mcap")],
+                  ["recover", "-o", str(tmp_path / "kept.bag")]):
+        assert main([words[0], str(path), *words[1:]]) == 0, capsys.readouterr().err
+    assert read(tmp_path / "out.mcap") == read(tmp_path / "kept.bag") == []
+
+
 def test_rosbags_own_bags_go_to_mcap_and_back_unchanged(tmp_path):
     from sensor_msgs.msg import JointState
     from std_msgs.msg import String

@@ -10,7 +10,7 @@ import sys
 import pyarrow.parquet as parquet
 import pytest
 from fleet_logs import FIRST_HOUR, Run, write_plant, write_run
-from log_samples import START_NS, state_log, tool, write
+from log_samples import START_NS, STATES, Sample, state_log, tool, write
 from page_commands import blocks
 
 from jaka_bag.cli.main import main
@@ -244,6 +244,18 @@ def test_views_are_named_after_topics():
         "pose": "/b/pose"}
     assert view_names(["/A/state", "/a/state", "state", "/state"]) == {
         "A_state": "/A/state", "a_state_2": "/a/state", "state": "/state", "state_2": "state"}
+
+
+def test_a_renamed_view_is_told_once_to_whoever_asks_for_it(tmp_path, capsys):
+    samples = [Sample(STATES._replace(topic=topic), START_NS, bytes(8)) for topic in ("/a/b", "/a_b", "/c")]
+    words = ["dataset", "add", str(write(tmp_path / "a.bag", samples)), "--to", str(tmp_path / "set"), "--cell", "a"]
+    assert main(words) == 0
+    told = "note: /a_b is named a_b_2: a_b is another topic's name"
+    asked = (([], 1), (["SELECT * FROM a_b"], 1), (["SELECT * FROM a_b_2"], 1), (["SELECT * FROM c"], 0))
+    for question, count in asked:
+        capsys.readouterr()
+        assert main(["dataset", "query", str(tmp_path / "set"), *question]) == 0
+        assert capsys.readouterr().err.count(told) == count
 
 
 @pytest.mark.parametrize("question, said", [

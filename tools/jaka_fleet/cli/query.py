@@ -128,6 +128,8 @@ def run(args: argparse.Namespace) -> int:
             check_output(path, args.force)
     pa, _ = load_pyarrow()
     with DataSet(args.dataset) as data:
+        for note in data.notes(args.question):
+            print("jaka_bag: note: %s" % printable(note), file=sys.stderr)
         if args.question is None:
             print("runs")
             for name, topic in sorted(data.views.items()):

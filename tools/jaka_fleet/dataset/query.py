@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Type
 
 from jaka_bag.errors import MissingDependency, UsageError
-from jaka_bag.messages.table_names import unique_names
+from jaka_bag.messages.table_names import meetings, unique_names
 
 from .runs import RESERVED, check_version, folder_of, read_table, with_plain_times
 from .store import open_store
@@ -93,6 +93,13 @@ class DataSet:
         self._store.registered(self._connection)
         self._connection.register("runs", self._runs)
         self._made: Set[str] = set()
+
+    def notes(self, question: Optional[str] = None) -> Tuple[str, ...]:
+        """Return a line for each view that has not its topic's own name, where a question (None: any) may mean it."""
+        words = None if question is None else {word.lower() for word in re.findall(r"\w+", question)}
+        names = unique_names(set(self.views.values()), _view_name)
+        return meetings({topic: name for topic, name in names.items() if words is None or words & {
+            name.lower(), _view_name(topic).lower()}}, _view_name)
 
     def _make_views(self, question: str) -> None:
         """Make the views that a question may mean: to look at all files of all topics would take longer than it."""
