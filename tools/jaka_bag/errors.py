@@ -47,6 +47,18 @@ class DefinitionError(BagError):
     """A message definition that cannot be understood, or that does not describe the bytes."""
 
 
+class TopicRefused(DefinitionError):
+    """A topic that the output cannot hold; the log's other topics may be written without it.
+
+    Attributes:
+        topic: Name of the topic.
+    """
+
+    def __init__(self, reason: str, topic: str = "") -> None:
+        super().__init__(reason)  # alone, so that the error can be pickled
+        self.topic = topic
+
+
 class MissingDependency(BagError):
     """An optional library that this operation needs is not installed; the text names it."""
 

@@ -166,7 +166,7 @@ def test_what_comes_now_and_then_is_one_line(tmp_path):
 def test_joints_of_changing_names_are_left_out_with_a_note(tmp_path, capsys):
     log = write(tmp_path / "log.bag", in_order(_turned([("joint_1", "joint_2"), ("joint_1", "other")])
                                                + [s for s in SAMPLES if s.connection != JOINTS]))
-    assert main(["plot", str(log), "-o", str(tmp_path / "log.svg")]) == 0
+    assert main(["plot", str(log), "-o", str(tmp_path / "log.svg")]) == 1
     assert "%s is left out" % JOINTS.topic in "".join(capsys.readouterr())
     panels, _ = panels_of(read_columns(log))
     assert panels and not any(panel.title.startswith(JOINTS.topic) for panel in panels)

@@ -84,10 +84,14 @@ def test_types_that_ros1_cannot_have_are_left_out(tmp_path, capsys):
                                  ("/plain", "int32 a\n", struct.pack("<i", 5))):
             kind = writer.add_connection(topic, "pkg/msg/T" + topic[1:], msgdef=text, rihs01="RIHS01_" + "0" * 64)
             writer.write(kind, 10**9, b"\x00\x01\x00\x00" + raw)
-    assert main(["convert", str(tmp_path / "run"), str(tmp_path / "o.bag")]) == 0
+    assert main(["convert", str(tmp_path / "run"), str(tmp_path / "o.bag")]) == 1
     assert "note: /odd is left out: pkg/msg/Todd has no ROS 1 form" in capsys.readouterr().err
     assert [(s.connection.datatype, s.data) for s in read(tmp_path / "o.bag")] == [
         ("pkg/Tplain", struct.pack("<i", 5))]
+    for words in (["cat"], ["export", "-o", str(tmp_path / "e.csv")], ["merge", "-o", str(tmp_path / "m.bag")],
+                  ["split", "-o", str(tmp_path / "s.bag"), "--count", "1"]):
+        assert main([words[0], str(tmp_path / "run"), *words[1:]]) == 1
+        assert "/odd is left out: pkg/msg/Todd has no ROS 1 form" in capsys.readouterr().err
 
 
 _ENDLESS = """rosbag2_bagfile_information: {version: 5, storage_identifier: mcap, relative_file_paths: [run.mcap],

@@ -175,7 +175,7 @@ def test_a_topic_that_cannot_be_decoded_is_left_out_and_said(tmp_path):
     samples = [states(START_NS + i, 0, 1, 0, 0) for i in range(5)]
     samples += [pose(1, START_NS, [0.0] * 7), tool(2, START_NS + 1, [0.0] * 6)]  # two types on one topic
     assert POSE.topic == "/jaka_driver/tool_position"
-    assert add(write(tmp_path / "run.bag", samples), "--to", tmp_path / "fleet") == 0
+    assert add(write(tmp_path / "run.bag", samples), "--to", tmp_path / "fleet") == 1
     row, = rows(tmp_path / "fleet")
     assert row.status == WHOLE and "/jaka_driver/tool_position is left out" in row.reason
     assert list(tables(tmp_path / "fleet", row)) == [STATES.topic]

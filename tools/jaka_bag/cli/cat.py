@@ -54,6 +54,7 @@ class _Lines:
         self._wanted: Dict[str, List[str]] = {}
         self.found: Dict[str, bool] = {path: False for _, path in fields}
         self.failed: Dict[Connection, str] = {}
+        self.left_out: List[str] = []
 
     def _decoder(self, connection: Connection) -> Decoder:
         if connection not in self._decoders:
@@ -65,6 +66,7 @@ class _Lines:
     def of(self, path: str, selection: Selection, span: TimeSpan) -> Iterator[Dict[str, Any]]:
         """Yield the lines of a log, as data."""
         with open_log(path) as reader:
+            self.left_out += reader.index.left_out
             for line in require_match(selection, reader.connections, path):
                 print("jaka_bag: note: %s" % line, file=sys.stderr)
             chosen = span.apply(selection, reader.index.start_time, reader.index.end_time)
@@ -116,11 +118,12 @@ def run(args: argparse.Namespace) -> int:
     def show(path: str) -> None:
         printed = False
         lines.failed.clear()
+        lines.left_out.clear()
         for line in lines.of(path, selection, span_of(args)):
             sys.stdout.write(json.dumps(line) + "\n")
             printed = True
-        if lines.failed:
-            raise DefinitionError("%s: left out: %s" % (path, "; ".join(lines.failed.values())))
+        if lines.failed or lines.left_out:
+            raise DefinitionError("%s: left out: %s" % (path, "; ".join([*lines.failed.values(), *lines.left_out])))
         missing = [name for name, is_there in lines.found.items() if not is_there]
         if fields and missing:
             raise UsageError("%s: no selected message has a field %s" % (path, ", ".join(missing)))

@@ -90,7 +90,7 @@ def _run_rosbag2(args: argparse.Namespace, folder: Path, output: Optional[str], 
     target = Path(output) if output else resolved.with_name("%s.%s" % (resolved.name, args.to))
     with report.progress(folder) as progress:
         result = convert_file(_job(args, folder, target, WORKERS), progress)
-    return report.only(_line(result), result.document(), result.notes)
+    return report.only(_line(result), result.document(), result.notes, result.left_out > 0)
 
 
 def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
@@ -125,7 +125,7 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
     report.finish({"files": [result.document() for result in results], "failed": failed})
     if failed:
         report.tell("error", ["%d of %d files failed" % (failed, len(jobs))])
-    return 1 if failed else 0
+    return 1 if failed or any(result.left_out for result in results) else 0
 
 
 def run(args: argparse.Namespace) -> int:
@@ -142,4 +142,4 @@ def run(args: argparse.Namespace) -> int:
     job = _job(args, source, target, WORKERS)
     with report.progress(source) as progress:
         result = convert_file(job, progress)
-    return report.only(_line(result), result.document(), result.notes)
+    return report.only(_line(result), result.document(), result.notes, result.left_out > 0)

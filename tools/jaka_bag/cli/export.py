@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         if not reader.message_count:
             raise BagError("%s has no messages to export" % args.source)
         selection = Selection(tuple(args.topics), tuple(args.regex), tuple(args.exclude))
-        report.tell("note", require_match(selection, reader.connections, args.source))
+        report.tell("note", (*require_match(selection, reader.connections, args.source), *reader.index.left_out))
         result = export(reader, output, selection, args.force)
     tables = [{"target": path, "topic": topic, "messages": messages}
               for topic, (path, messages) in result.tables.items()]
@@ -42,4 +42,4 @@ def run(args: argparse.Namespace) -> int:
     report.tell("note", result.notes)
     report.tell("error", ("%s is left out: %s" % failure for failure in result.failed.items()))
     report.finish({"source": args.source, "tables": tables, "notes": list(result.notes), "failed": result.failed})
-    return 1 if result.failed else 0
+    return 1 if result.failed or reader.index.left_out else 0

@@ -50,4 +50,4 @@ def run(args: argparse.Namespace) -> int:
     with report.progress(args.source) as progress:
         result = convert_file(job, progress)
     return report.only("%s: %d messages, %s" % (result.target, result.messages, human_bytes(result.bytes_written)),
-                       result.document(), result.notes)
+                       result.document(), result.notes, result.left_out > 0)

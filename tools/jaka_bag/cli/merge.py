@@ -37,4 +37,4 @@ def run(args: argparse.Namespace) -> int:
         result = merge(sources, output, args.compression, args.level, args.force, progress)
     line = "%s: %d messages of %d files, %s" % (output, result.messages, len(sources),
                                                human_bytes(result.bytes_written))
-    return report.only(line, result.document(), result.notes)
+    return report.only(line, result.document(), result.notes, result.left_out > 0)

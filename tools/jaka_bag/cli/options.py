@@ -198,9 +198,9 @@ class Report:
         if self._json:
             print(json.dumps(document, indent=1))
 
-    def only(self, line: str, document: Dict[str, Any], notes: Iterable[str] = ()) -> int:
-        """Print the only result, with notes on it; return the exit code."""
+    def only(self, line: str, document: Dict[str, Any], notes: Iterable[str] = (), is_partial: bool = False) -> int:
+        """Print the only result, with notes on it; return the exit code, which is 1 where it lacks a topic."""
         self.done(line)
         self.tell("note", notes)
         self.finish(document)
-        return 0
+        return int(is_partial)

@@ -1,7 +1,7 @@
 """``jaka_bag plot``: the command line that draws a log."""
 import argparse
 from pathlib import Path
-from typing import Sequence, Tuple
+from typing import List, Sequence, Tuple
 
 from ..containers.interface import LogReader
 from ..containers.registry import open_log
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _sketch(reader: LogReader, selection: Selection, topics: Sequence[str], args: argparse.Namespace,
-            report: Report) -> Sketch:
-    """Return the sketch of the topics; leave out, and report, a topic whose messages cannot be decoded."""
+            left_out: List[str]) -> Sketch:
+    """Return the sketch of the topics; leave out, with a line, a topic whose messages cannot be decoded."""
     fields = None if args.field else fields_to_draw(reader.connections)
 
     def take(sketch: Sketch, some: Sequence[str]) -> None:
@@ -59,7 +59,7 @@ def _sketch(reader: LogReader, selection: Selection, topics: Sequence[str], args
                 take(sketch, [topic])
             except DefinitionError as error:
                 sketch.forget(topic)
-                report.tell("note", ["%s is left out: %s" % (topic, error)])
+                left_out.append("%s is left out: %s" % (topic, error))
         return sketch
 
 
@@ -75,14 +75,17 @@ def run(args: argparse.Namespace) -> int:
         index = reader.index
         if index.start_time is None:
             raise BagError("%s has no messages to draw" % args.source)
+        left_out = list(index.left_out)
         report.tell("note", require_match(selection, index.connections, args.source))
         chosen = {c.topic for c, wanted, count in zip(index.connections, selection.wanted(index.connections),
                                                       index.counts) if wanted and count}
         topics = sorted(chosen if args.field else chosen.intersection(fields_to_draw(index.connections)))
-        sketch = _sketch(reader, span.apply(selection, index.start_time, index.end_time), topics, args, report)
+        sketch = _sketch(reader, span.apply(selection, index.start_time, index.end_time), topics, args, left_out)
+        left_out += sketch.notes
+        report.tell("note", left_out)
         if not sketch.message_count and len(topics) == len(chosen):
             raise UsageError("%s: no message is selected that can be drawn" % args.source)
-        report.tell("note", sketch.notes)
         panels, paths = sketch.panels()
     count = draw(panels, target, Path(args.source).name, paths, args.force)
-    return report.only("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count})
+    return report.only("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count},
+                       is_partial=bool(left_out))

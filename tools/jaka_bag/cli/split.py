@@ -47,4 +47,4 @@ def run(args: argparse.Namespace) -> int:
         report.tell("note", ["%s has no messages: there is no part" % args.source])
     report.tell("note", result.notes)
     report.finish({"source": args.source, "notes": list(result.notes), "parts": parts})
-    return 0
+    return int(result.left_out > 0)

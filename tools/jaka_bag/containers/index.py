@@ -110,6 +110,7 @@ class LogIndex(NamedTuple):
         notes: Parts of the file that do not belong to the format and were skipped, and whether the index is believed,
             one line each.
         contradiction: The first place where the file's own declarations disagree; empty where they agree.
+        left_out: Topics that are not read, one line each, which stand among ``notes``.
     """
 
     format: str
@@ -129,6 +130,7 @@ class LogIndex(NamedTuple):
     codecs: Tuple[CodecTotals, ...] = ()
     notes: Tuple[str, ...] = ()
     contradiction: str = ""
+    left_out: Tuple[str, ...] = ()
 
 
 def extremes(times: "array[int]") -> Tuple[int, int]:

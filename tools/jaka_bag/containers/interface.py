@@ -168,6 +168,9 @@ class LogReader:
                                  "name (jaka_bag recover makes a log with a true index)" % (self.path, chunk.position))
         return batch
 
+    def decode_only(self, wanted: Array) -> None:
+        """Take a mask of connections; messages of the others need no form of ROS 1, and may be missing from chunks."""
+
     def _load(self, chunk: ChunkRef) -> MessageBatch:
         raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:

@@ -3,7 +3,8 @@ from typing import Dict
 
 import numpy as np
 
-from ..messages.batch import MessageBatch, concatenate, converted, distinct
+from ..errors import DefinitionError, TopicRefused
+from ..messages.batch import Array, MessageBatch, concatenate, converted, distinct
 from ..messages.encodings import Ros1Form, described, ros1_form
 from .index import AttachmentIndex, ChunkRef, MetadataIndex
 from .interface import LogReader
@@ -21,22 +22,34 @@ class Ros1View(LogReader):
         super().__init__(reader._file, reader.index._replace(
             connections=[described(connection) for connection in reader.connections], profile="ros1"))
         self._reader = reader
-        self._forms = forms
+        self._all_forms = self._forms = forms
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
         """Return the messages of one chunk; see ``LogReader``.
 
         Raises:
-            DefinitionError: A message does not fit its definition.
+            TopicRefused: A message does not fit its definition.
         """
         batch = self._reader.load(chunk)
         numbers = distinct(batch.connection).tolist()
         if not any(number in self._forms for number in numbers):
             return batch
         places = [np.flatnonzero(batch.connection == number) for number in numbers]
-        parts = [converted(batch, which, self._forms[number].convert) if number in self._forms else batch.take(which)
-                 for number, which in zip(numbers, places)]
+        parts = [self._converted(batch, number, which) for number, which in zip(numbers, places)]
         return concatenate(parts).take(np.argsort(np.concatenate(places)))
+
+    def decode_only(self, wanted: Array) -> None:
+        """See ``LogReader``; messages of the others stay as they are."""
+        self._forms = {number: form for number, form in self._all_forms.items() if wanted[number]}
+
+    def _converted(self, batch: MessageBatch, number: int, which: Array) -> MessageBatch:
+        """Return the messages of one connection, at some positions of a batch, as those of ROS 1."""
+        if number not in self._forms:
+            return batch.take(which)
+        try:
+            return converted(batch, which, self._forms[number].convert)
+        except DefinitionError as error:
+            raise TopicRefused("%s: %s" % (self.path, error), self.connections[number].topic) from error
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``."""
@@ -56,3 +69,14 @@ def as_ros1_log(reader: LogReader) -> LogReader:
             assert form is not None
             forms[number] = form
     return Ros1View(reader, forms) if forms else reader
+
+
+def without_ros1_form(reader: LogReader) -> Dict[str, str]:
+    """Return the topics of ``as_ros1_log`` whose messages are none of ROS 1, with the reason."""
+    found: Dict[str, str] = {}
+    for connection in reader.connections:
+        try:
+            ros1_form(connection)
+        except DefinitionError as error:
+            found.setdefault(connection.topic, str(error))
+    return found

@@ -8,9 +8,9 @@ import os
 import tempfile
 import threading
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Collection, Dict, Iterator, List, Optional, Tuple
 
-from ..errors import BagError, DefinitionError, MissingDependency
+from ..errors import BagError, DefinitionError, MissingDependency, TopicRefused
 from ..messages.connection import Connection
 from ..messages.encodings import is_transient_local
 from ..messages.ros2_types import Ros1Type, ros1_name
@@ -121,6 +121,7 @@ class Rosbag2Folder:
         self.left_out: List[str] = []
         self._types: Dict[str, Ros1Type] = {}
         self._numbers: Dict[Any, int] = {}
+        self._wanted: Optional[Collection[int]] = None
         self._copy: Optional[tempfile.TemporaryDirectory[str]] = None
         try:
             if any(leftovers(os.path.join(self.folder, name)) for name in storage_files(folder)):
@@ -156,6 +157,10 @@ class Rosbag2Folder:
         self.connections.append(Connection(source.topic, ros1_name(source.msgtype), kind.md5sum, kind.definition,
                                            latching=_is_latched(source.ext.offered_qos_profiles)))
 
+    def decode_only(self, numbers: Collection[int]) -> None:
+        """Take the numbers of the connections that are wanted; the messages of others are left out."""
+        self._wanted = numbers
+
     def messages(self, start: Optional[int] = None, stop: Optional[int] = None) -> Iterator[Tuple[int, int, bytes]]:
         """Yield (number of the connection, log time in ns, ROS 1 message) of each message, in the order of time.
 
@@ -164,9 +169,15 @@ class Rosbag2Folder:
         Args:
             start: Earliest log time, ns; None for no limit.
             stop: The first log time, ns, that is not wanted; None for no limit.
+
+        Raises:
+            TopicRefused: A message does not fit its definition.
         """
         for source, log_time, raw in self._raw_messages(start, stop):
-            yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)
+            try:
+                yield self._numbers[source.id], log_time, self._types[source.msgtype].to_ros1(raw)
+            except DefinitionError as error:
+                raise TopicRefused("%s: %s" % (self.folder, error), source.topic) from error
 
     def sizes(self) -> Iterator[Tuple[int, int, int]]:
         """Yield (number of the connection, log time in ns, bytes) of each message."""
@@ -177,6 +188,10 @@ class Rosbag2Folder:
         """Remove what was unpacked."""
         if self._copy:
             self._copy.cleanup()
+
+    def _is_wanted(self, source_id: Any) -> bool:
+        number = self._numbers.get(source_id)
+        return number is not None and (self._wanted is None or number in self._wanted)
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[Any]:
@@ -189,7 +204,7 @@ class Rosbag2Folder:
     def _raw_messages(self, start: Optional[int], stop: Optional[int]) -> Iterator[Tuple[Any, int, bytes]]:
         try:
             with self._open() as reader:
-                wanted = [source for source in reader.connections if source.id in self._numbers]
+                wanted = [source for source in reader.connections if self._is_wanted(source.id)]
                 messages = reader.messages(wanted, start=start, stop=stop) if wanted else iter(())
                 while True:
                     with _ONE_AT_A_TIME:

@@ -66,7 +66,11 @@ class Rosbag2Reader(LogReader):
             "rosbag2", facts["version"], str(path), facts["size"], folder.connections,
             {number: number for number in range(len(counts))}, chunks, counts, start, end,
             codecs=(("none", len(chunks), facts["size"], facts["size"]),),
-            notes=(*folder.left_out, *lies)))
+            notes=(*folder.left_out, *lies), left_out=tuple(folder.left_out)))
+
+    def decode_only(self, wanted: Array) -> None:
+        """See ``LogReader``; messages of the others are missing."""
+        self._folder.decode_only(np.flatnonzero(wanted).tolist())
 
     def _load(self, chunk: ChunkRef) -> MessageBatch:
         numbers: List[int] = []

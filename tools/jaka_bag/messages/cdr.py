@@ -6,6 +6,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from ..errors import DefinitionError, TopicRefused
 from .batch import Array, MessageBatch, distinct, rows, windows
 from .connection import Connection
 from .layout import Group, Layout, LayoutFinder
@@ -64,11 +65,16 @@ class CdrConverter:
 
     Raises:
         MissingDependency: rosbags is not installed.
+        TopicRefused: The definition is not understood.
     """
 
     def __init__(self, connection: Connection) -> None:
-        self._finder = LayoutFinder(connection)  # first, for it refuses definitions that rosbags would not get done
-        self.kind = Ros2Type(connection)
+        self._topic = connection.topic
+        try:
+            self._finder = LayoutFinder(connection)  # first, for it refuses definitions that rosbags would not get done
+            self.kind = Ros2Type(connection)
+        except DefinitionError as error:
+            raise TopicRefused(str(error), self._topic) from error
         self._maps: Dict[Layout, ByteMap] = {}
         self._seen: Dict[Layout, int] = {}
 
@@ -89,7 +95,17 @@ class CdrConverter:
         return known
 
     def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
-        """Return (positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
+        """Return (positions in the batch, CDR messages of one length, one a row) that cover ``which``.
+
+        Raises:
+            TopicRefused: A message is not as its definition says.
+        """
+        try:
+            return self._converted(batch, which)
+        except DefinitionError as error:
+            raise TopicRefused(str(error), self._topic) from error
+
+    def _converted(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
         result = []
         for group in self._finder.groups(batch, which):
             byte_map = self._map_of(group)

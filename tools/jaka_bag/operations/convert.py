@@ -1,4 +1,5 @@
 """The conversion of one file as one job, and the functions by which merge, split and recover write as well."""
+import re
 import time
 from pathlib import Path
 from typing import (
@@ -24,9 +25,9 @@ from ..containers.index import ChunkRef
 from ..containers.interface import EncodedChunk, LogReader, LogWriter
 from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
-from ..containers.ros1_view import as_ros1_log
+from ..containers.ros1_view import as_ros1_log, without_ros1_form
 from ..containers.time_order import HELD_BYTES, Source, gathered, in_time_order
-from ..errors import BagError, DefinitionError, UsageError
+from ..errors import BagError, DefinitionError, TopicRefused, UsageError
 from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_of
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
@@ -86,6 +87,7 @@ class WriteResult(NamedTuple):
         bytes_written: Size of the target.
         seconds: Wall time, s.
         notes: Losses that the target's format causes.
+        left_out: Number of topics that are left out, each of which has a note.
         error: The reason why there is no target; empty on success.
     """
 
@@ -96,6 +98,7 @@ class WriteResult(NamedTuple):
     bytes_written: int = 0
     seconds: float = 0.0
     notes: Tuple[str, ...] = ()
+    left_out: int = 0
     error: str = ""
 
     def document(self) -> Dict[str, Any]:
@@ -343,6 +346,7 @@ def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteRes
 
     Raises:
         BagError: The source cannot be read, or the target cannot be written or hold it.
+        TopicRefused: The target can hold none of the topics.
         UsageError: Nothing of the source is selected.
     """
     begin = time.monotonic()
@@ -354,9 +358,26 @@ def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteRes
         index = reader.index
         missing = require_match(job.selection, reader.connections, job.source)
         selection = job.span.apply(job.selection, index.start_time, index.end_time)
-        with create_log(job.target, job.compression, job.level, job.overwrite, index.profile or "ros1",
-                        job.profile == "ros2") as writer:
-            messages, notes = copy_log(reader, writer, MessageFilter(selection, reader.connections), on_progress,
-                                    job.workers, selection.start_time if job.keep_latched else None)
+        refused = without_ros1_form(reader) if is_foreign and str(job.target).endswith(".bag") else {}
+        every = MessageFilter(selection, reader.connections)
+        refused = {c.topic: refused[c.topic] for c, wanted in zip(reader.connections, every.wanted)
+                   if wanted and c.topic in refused}
+        while True:
+            chosen = MessageFilter(selection._replace(exclude=(*selection.exclude, *map(re.escape, refused))),
+                                   reader.connections)
+            if refused and not any(count for count, wanted in zip(index.counts, chosen.wanted) if wanted):
+                raise TopicRefused("%s: %s" % (job.source, "; ".join(refused.values())))
+            reader.decode_only(chosen.wanted)
+            try:
+                with create_log(job.target, job.compression, job.level, job.overwrite, index.profile or "ros1",
+                                job.profile == "ros2") as writer:
+                    messages, notes = copy_log(reader, writer, chosen, on_progress, job.workers,
+                                               selection.start_time if job.keep_latched else None)
+                break
+            except TopicRefused as error:  # which may be the last message's fault: once more, without the topic
+                if not chosen.wanted[[c.topic == error.topic for c in reader.connections]].any():
+                    raise
+                refused[error.topic] = str(error)
     return WriteResult(job.source, job.target, messages, index.size, size_of(job.target), time.monotonic() - begin,
-                       notes + missing)
+                       (*notes, *missing, *("%s is left out: %s" % item for item in refused.items())),
+                       len(index.left_out) + len(refused))

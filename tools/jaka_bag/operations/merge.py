@@ -85,4 +85,5 @@ def merge(paths: Sequence[PathLike], target: PathLike, compression: Optional[str
                 copy_extras(reader, writer, known=known)
         return WriteResult(", ".join(map(str, paths)), str(target), written, sum(r.index.size for r in readers),
                        size_of(target), time.monotonic() - begin, losses.notes(readers) + (
-                               (wrong_count(expected, written),) if written != expected else ()))
+                               (wrong_count(expected, written),) if written != expected else ()),
+                           sum(len(reader.index.left_out) for reader in readers))

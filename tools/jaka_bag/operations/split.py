@@ -35,10 +35,11 @@ class SplitLimits(NamedTuple):
 
 
 class SplitResult(NamedTuple):
-    """The parts in order, (path, messages), and what they cannot hold."""
+    """The parts in order, (path, messages), what they cannot hold, and the number of topics that are left out."""
 
     parts: Tuple[Tuple[str, int], ...]
     notes: Tuple[str, ...]
+    left_out: int = 0
 
 
 class _Parts:
@@ -204,4 +205,4 @@ def split(source: PathLike, stem: PathLike, limits: SplitLimits, compression: Op
             parts.discard()
             raise
         return SplitResult(tuple(parts.done), (losses.notes([reader]) if losses is not None else ())
-                           + parts.strangers())
+                           + parts.strangers(), len(reader.index.left_out))

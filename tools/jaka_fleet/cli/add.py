@@ -12,6 +12,7 @@ from jaka_bag.operations.parquet import load_pyarrow
 from ..dataset.adding import AddSettings, add_log, find_logs
 from ..dataset.runs import (
     COMPACT_ABOVE,
+    LEFT_OUT,
     RECOVERED,
     UNREADABLE,
     RunRow,
@@ -115,4 +116,4 @@ def run(args: argparse.Namespace) -> int:
                    "reason": row.reason, "messages": row.messages} for row in rows],
         "skipped": [{"path": result.path, "reason": result.reason} for result in skipped],
         "failed": [{"path": result.path, "reason": result.reason} for result in failed]})
-    return 1 if failed or damaged else 0
+    return 1 if failed or damaged or any(LEFT_OUT in row.reason for row in rows) else 0

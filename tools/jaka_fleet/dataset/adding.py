@@ -35,6 +35,7 @@ from .runs import (
     COMPACTED,
     COMPRESSION,
     FOLDER,
+    LEFT_OUT,
     RECOVERED,
     RESERVED,
     UNREADABLE,
@@ -236,7 +237,7 @@ class _Tables:
         self._source = source
         self._folder = folder
         self._reader = reader
-        self._reasons = [reason] if reason else []
+        self._reasons = [*([reason] if reason else []), *reader.index.left_out]
         self._status = status
         facts = self._facts = read_facts(reader)
         self._cell = cell_of(settings, source.path, facts.cell)
@@ -268,13 +269,13 @@ class _Tables:
                 try:
                     paths.update(self._write([topic]))
                 except DefinitionError as error:
-                    self._reasons.append("%s is left out: %s" % (topic, " ".join(str(error).split())))
+                    self._reasons.append(topic + LEFT_OUT + " ".join(str(error).split()))
         name = file_name(self._cell, self._run)
         files: Dict[str, Path] = {}
         for topic, path in paths.items():
             target = "%s/date=%s/%s" % (folder_of(topic), self._date, name)
             if target in files:  # names that ROS allows all differ
-                self._reasons.append("%s is left out: another topic has its table" % topic)
+                self._reasons.append(topic + LEFT_OUT + "another topic has its table")
             files.setdefault(target, path)
         return self._row(), [(path, target) for target, path in files.items()]
 

@@ -22,6 +22,8 @@ RESERVED = ("date", "topic")
 COMPACT_ABOVE = 64
 """Number of rows in files of their own that are left alone."""
 WHOLE, RECOVERED, UNREADABLE = "whole", "recovered", "unreadable"
+LEFT_OUT = " is left out: "
+"""Words in the reason of a row for each topic that is not in the data set."""
 COMPRESSION = "zstd"
 _VERSION_FILE = "_jaka_bag.json"
 _VERSION_KEY = "jaka_bag.schema_version"

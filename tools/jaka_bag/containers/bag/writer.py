@@ -3,7 +3,7 @@ from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
-from ...errors import BagError
+from ...errors import BagError, TopicRefused
 from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
 from ...units import NS_PER_S
@@ -37,8 +37,8 @@ class BagWriter(LogWriter):
     def add_channel(self, connection: Connection) -> int:
         """See ``LogWriter.add_channel``; a .bag holds ROS 1 messages only."""
         if connection.encoding != "ros1":
-            raise BagError("%s is encoded as %s: a .bag holds ROS 1 messages only"
-                           % (connection.topic, connection.encoding))
+            raise TopicRefused("%s is encoded as %s: a .bag holds ROS 1 messages only (jaka_bag convert makes them of "
+                               "others)" % (connection.topic, connection.encoding), connection.topic)
         known = self._channels.get(connection)
         if known is None:
             known = len(self._channels)
