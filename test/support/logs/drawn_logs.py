@@ -35,8 +35,9 @@ CODECS: Dict[str, Callable[[bytes], bytes]] = {
     "lz4": lambda data: bytes(frame.compress(data, block_linked=False, content_checksum=True, store_size=False))}
 TOPICS = ("/a/states", "/b/states", "/a/states", "/c")
 """Topics by channel: the first has two."""
-LIES = ("none", "none", "chunk_time", "chunk_count", "index_time", "index_lacks", "index_offset", "no_index", "total")
-"""Places at which a log's index may lie; ``total`` is of the statistics, which a bag has none of."""
+LIES = ("none", "none", "chunk_time", "chunk_count", "index_time", "index_lacks", "index_offset", "no_index", "total",
+        "no_summary", "no_chunks")
+"""Places at which a log's index may lie, or what it lacks; the last three are of an MCAP: a bag has no such thing."""
 
 
 class Entry(NamedTuple):
@@ -191,6 +192,9 @@ def _mcap(dice: random.Random, chunks: List[List[Entry]], codec: str, lie: str) 
             offsets.append(len(raw))
             head = struct.pack("<HIQQ", entry.channel, entry.value, entry.time, entry.time)
             raw += record(MESSAGE, head + entry.data)
+        if lie == "no_chunks":
+            out += raw
+            continue
         said = _declared(dice, chunk, offsets, lie if number == victim else "none")
         stored = CODECS[codec](raw)
         begin, places = len(out), {}
@@ -203,6 +207,8 @@ def _mcap(dice: random.Random, chunks: List[List[Entry]], codec: str, lie: str) 
                 struct.pack("<QQ", *entry) for entry in entries))
         indexes += record(CHUNK_INDEX, span + struct.pack("<QQ", begin, end - begin) + _map_of_numbers(places)
                           + struct.pack("<Q", len(out) - end) + name + struct.pack("<QQ", len(stored), len(raw)))
+    if lie in ("no_chunks", "no_summary"):
+        return out + record(DATA_END, bytes(4)) + record(FOOTER, bytes(20)) + MAGIC
     entries = [entry for chunk in chunks for entry in chunk]
     counts = {channel: sum(entry.channel == channel for entry in entries) for channel in described}
     times = [entry.time for entry in entries]
@@ -224,7 +230,7 @@ def draw(seed: int, folder: Path) -> DrawnLog:
     is_bag = dice.random() < 0.5
     codec = dice.choice(("none", "lz4", "bz2") if is_bag else ("none", "lz4", "zstd"))
     chunks, lie = _drawn_chunks(dice), dice.choice(LIES)
-    if is_bag and lie == "total":
+    if is_bag and lie in LIES[-3:]:
         lie = "chunk_count"
     path = folder / ("drawn_%d.%s" % (seed, "bag" if is_bag else "mcap"))
     path.write_bytes((_bag if is_bag else _mcap)(dice, chunks, codec, lie))
