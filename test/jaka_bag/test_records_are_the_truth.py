@@ -7,6 +7,10 @@ LOGS = 120
 """Logs of one run; ``test/soak/soak_drawn_logs.py`` takes thousands."""
 
 
+def test_equal_times_of_two_chunks_keep_the_order_of_the_file(tmp_path):
+    check(draw(220, tmp_path), 220, tmp_path)
+
+
 @pytest.mark.parametrize("first", range(0, LOGS, 20))
 def test_each_command_answers_as_a_walk_over_the_records(tmp_path, first):
     for seed in range(first, first + 20):

@@ -101,6 +101,8 @@ class ColumnReader:
                workers: int = WORKERS) -> Iterator[Tuple[str, Columns]]:
         """Yield all wanted messages in the order of time, piece by piece: topic and messages.
 
+        Messages of equal times keep the order of the file.
+
         Args:
             fields: See ``parts``.
             workers: Threads.
@@ -108,7 +110,9 @@ class ColumnReader:
         groups = chunk_groups(self._reader.wanted_chunks(self._filter))
         starts = [group[0].start_time for group in groups]
         ends = [max(chunk.end_time for chunk in group) for group in groups]
-        if any(end > start for end, start in zip(ends, starts[1:])):
+        groups = [sorted(group, key=lambda chunk: chunk.position) for group in groups]
+        if any(end > start or end == start and group[-1].position > after[0].position
+               for end, start, group, after in zip(ends, starts[1:], groups, groups[1:])):
             yield from self._pieces_in_time_order(fields)
             return
         chunks = [chunk for group in groups for chunk in group]
