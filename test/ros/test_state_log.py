@@ -189,7 +189,7 @@ def test_a_goal_that_is_refused_now_ends_the_replay_with_a_stop(arm, moved):
         done = subprocess.run([*command_of("jaka_bag"), "replay-commands", str(moved[0])], capture_output=True,
                               text=True, timeout=WAIT)
         assert done.returncode == 1
-        assert "follow_joint_trajectory/goal" in done.stderr and "unlike in the log" in done.stderr
+        assert "move_path/goal" in done.stderr and "was refused, unlike in the log" in done.stderr
     finally:
         assert arm.call("enable", data=True).success
 
