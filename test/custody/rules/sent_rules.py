@@ -107,6 +107,7 @@ class SentRules:
         self._target: Any = None
         self._is_target_known = True
         self._began_at_distance = 0.0
+        self._servo_mode_of: Tuple[Optional[Call], float] = (None, 0.0)
         self._target_at = 0.0
         self._judged_from = 0.0
         self.trajectory = TrajectoryRules()
@@ -159,6 +160,11 @@ class SentRules:
     def answered(self, call: Call, now: float) -> None:
         """Note the answer of a call."""
         self.open_calls.pop(call.number, None)
+        asked, asked_at = self._servo_mode_of
+        if call.kind == "point" and call.error is None and not call.was_sent and asked is not None and asked_at == now:
+            asked.was_sent, call.was_sent = False, True  # the mode was this stream's, and not that of a call that waits
+            self.last_motion = self._servo_call = call.number
+            self.points.begin(True, now)
         if call.kind == "servo_target" and call.error is None:
             self._target_at = now
             self._target = self._next_target(call.command)
@@ -247,6 +253,7 @@ class SentRules:
         elif name == "servo_move":
             asked = self._wished(name, now, lambda call: call.kind in ("trajectory", "point") or (
                 call.kind == "servo_mode" and call.command is True))
+            self._servo_mode_of = asked, now
             self._enters_servo_mode(None)
             self.points.begin(asked.kind == "point", now)
         else:

@@ -86,8 +86,8 @@ def test_zeros_at_the_end_of_a_text_in_an_array_are_kept(tmp_path):
     assert [list(map(bytes, row)) for row in column] == [[word.encode() for word in row] for row in rows]
     exported(log, tmp_path / "log.csv")
     with open(str(tmp_path / "log.csv"), encoding="utf-8", newline="") as lines:
-        assert [line.rstrip("\r\n").split(",")[1:] for line in lines][1:] == [
-            row + [""] * (2 - len(row)) for row in rows]
+        found = [[cell.strip('"') for cell in line.rstrip("\r\n").split(",")[1:]] for line in lines]  # 3.8 quotes a NUL
+    assert found[1:] == [row + [""] * (2 - len(row)) for row in rows]
     exported(log, tmp_path / "log.npz")
     words = [word for row in rows for word in row]
     with np.load(str(tmp_path / "log.npz"), allow_pickle=False) as arrays:
