@@ -205,12 +205,15 @@ class Rosbag2Folder:
         try:
             with self._open() as reader:
                 wanted = [source for source in reader.connections if self._is_wanted(source.id)]
-                messages = reader.messages(wanted, start=start, stop=stop) if wanted else iter(())
+                # rosbags 0.9, that of Python 3.8, leaves out chunks of MCAP that end where the wanted time begins
+                before = start - 1 if start else None
+                messages = reader.messages(wanted, start=before, stop=stop) if wanted else iter(())
                 while True:
                     with _ONE_AT_A_TIME:
                         found = next(messages, None)
                     if found is None:
                         return
-                    yield found
+                    if start is None or found[1] >= start:
+                        yield found
         except Exception as error:
             raise BagError("%s: %s (jaka_bag recover keeps what can be read)" % (self.folder, error)) from error
