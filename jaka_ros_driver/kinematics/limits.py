@@ -169,6 +169,15 @@ def stoppable_speed(distance: float, acceleration: float, period: float) -> floa
     return change * (0.5 * cycles + ways / (cycles + 1))
 
 
+def braked_steps(changes: float) -> float:
+    """Return the way of a brake in whole cycles behind a step, in such steps.
+
+    changes: Length of the step, in those by which a cycle shortens it.
+    """
+    cycles = int(changes)
+    return cycles - 0.5 * cycles * (cycles + 1) / changes if cycles else 0.0
+
+
 def joint_speed_limit(model: ArmModel) -> float:
     """Return the highest ``JointMove.speed``, rad/s."""
     return min(max(model.joint_max_speed), JOINT_SPEED_CEILING)

@@ -37,7 +37,7 @@ _MOST_PERIODS_AHEAD = 3.0
 _GAIN = 0.25 / SERVO_PERIOD_S
 _CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
 _BRAKE = 0.9 * JOINT_ACCELERATION_CEILING
-"""Deceleration, rad/s2, that is planned with; the rest makes up for whole cycles."""
+"""Deceleration, rad/s2, that is planned with; the rest is left for points that lie elsewhere than the line led on."""
 _STILL = 1e-9
 _ARRIVED = 1e-7
 _WIRE_ROUNDING = 1e-6

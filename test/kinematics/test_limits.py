@@ -364,6 +364,8 @@ def test_the_stoppable_speed_is_the_highest_whose_stop_in_whole_cycles_fits(dist
     speed = limits.stoppable_speed(distance, acceleration, period)
     assert braked_way(speed, acceleration, period) <= distance + 1e-12
     assert braked_way(speed + 1e-6, acceleration, period) > distance
+    behind = braked_way(speed, acceleration, period) - speed * period
+    assert limits.braked_steps(speed / (acceleration * period)) * speed * period == pytest.approx(behind, abs=1e-12)
 
 
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=0, max_size=8),

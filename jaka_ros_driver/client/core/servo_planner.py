@@ -17,6 +17,7 @@ from jaka_ros_driver.kinematics.limits import (
     TCP_ACCELERATION_CEILING,
     accepted_limits,
     are_inside,
+    braked_steps,
     led_inside,
     stoppable_speed,
     stream_limits,
@@ -92,9 +93,8 @@ class _Follower:
         """Return the way of the brake behind a new target that is ``away`` from here; none where it can stand there."""
         if not self.passes(away):
             return (0.0,) * len(away)
-        changes = math.hypot(*away) / self.last_step
-        cycles = int(changes)
-        return tuple([(cycles - 0.5 * cycles * (cycles + 1) / changes) * a for a in away])
+        steps = braked_steps(math.hypot(*away) / self.last_step)
+        return tuple([steps * a for a in away])
 
     @property
     def is_still(self) -> bool:
@@ -212,7 +212,7 @@ class JointServo:
         is_new, self._is_new = self._is_new, False
         moved = [p + follower.step((t - p,), is_new, self._room(index))[0] for index, (p, t, follower) in enumerate(
             zip(self._position, self._target, self._followers))]
-        # whole cycles brake a little less exactly than the formula; an arm that began beyond a limit is not pushed back
+        # sums of steps round; an arm that began beyond a limit is not pushed back
         self._position = tuple(min(max(m, min(low, p)), max(high, p))
                                for m, p, (low, high) in zip(moved, self._position, self._limits))
         return ServoJoint(self._position)

@@ -126,14 +126,10 @@ def test_a_jog_speed_that_another_sets_ends_the_jog(panel, open_page):
 def test_why_a_held_jog_stands_is_said_on_the_page_until_it_is_let_go(panel, open_page, reason):
     page = open_page(control=True)
     x, y = page.place(JOG)
-
-    def mouse(kind, buttons):
-        page.call("Input.dispatchMouseEvent", type="mouse" + kind, x=x, y=y, button="left", buttons=buttons,
-                  clickCount=1, pointerType="mouse")
-    held_by(page, lambda: mouse("Pressed", 1), lambda: mouse("Released", 0))
+    held_by(page, lambda: page.press(JOG), lambda: page.mouse("Released", x, y))
     panel.say(t="motion", id="jog", state="stopped", reason=reason)
     page.until("document.querySelector('#panel-jog .said').textContent === %s" % json.dumps(
         "The tool stands still: " + reason), timeout=5.0)
     assert page.evaluate("document.querySelector('#panel-jog .said').classList.contains('bad')")
-    mouse("Released", 0)
+    page.mouse("Released", x, y)
     page.until("!document.querySelector('#panel-jog .said').textContent.includes(%s)" % json.dumps(reason), timeout=5.0)

@@ -107,15 +107,20 @@ def test_inside_a_change_nothing_is_known_also_what_is_read_meanwhile(table):
     assert read(table).flange_t_tool(state_with(tool=1)) == transform_from_pose(TOOLS[1])
 
 
-def test_what_was_asked_before_a_change_is_not_kept_after_it(table, controller):
+def read_during(change, table, controller):
+    """Have a change begin and end while the controller has been asked, and has not answered."""
     controller.may_answer.clear()
     reader = threading.Thread(target=table._read_all)
     reader.start()
     assert controller.was_asked.wait(WAIT_S)
-    with table.changing():
+    with change():
         pass
     controller.may_answer.set()
     reader.join(WAIT_S)
+
+
+def test_what_was_asked_before_a_change_is_not_kept_after_it(table, controller):
+    read_during(table.changing, table, controller)
     assert table.flange_t_tool(state_with(tool=1)) is None
 
 
@@ -213,14 +218,7 @@ def test_inside_a_change_the_load_is_not_known_also_what_is_read_meanwhile(table
 
 
 def test_a_load_that_was_asked_for_before_a_change_is_not_kept_after_it(table, controller):
-    controller.may_answer.clear()
-    reader = threading.Thread(target=table._read_all)
-    reader.start()
-    assert controller.was_asked.wait(WAIT_S)
-    with table.changing_load():
-        pass
-    controller.may_answer.set()
-    reader.join(WAIT_S)
+    read_during(table.changing_load, table, controller)
     assert table.payload is None and table.flange_t_tool(state_with(tool=1)) is not None
 
 

@@ -2,7 +2,7 @@
 from typing import Callable, Sequence
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT
-from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, SERVO_PERIOD_S, braked_steps
 from jaka_ros_driver.state import Vector
 
 Look = Callable[[Sequence[Vector]], str]
@@ -20,11 +20,7 @@ def brake_end(before: Vector, joints: Vector) -> Vector:
     All joints brake alike, so that it stays on the straight line, and the fastest one with its acceleration, rad (6,).
     """
     step = [new - old for new, old in zip(joints, before)]
-    fastest = max(map(abs, step))
-    cycles = int(fastest / _STEP_CHANGE + _ROUNDING)
-    if not cycles:
-        return joints
-    steps = cycles - 0.5 * cycles * (cycles + 1) * _STEP_CHANGE / fastest
+    steps = braked_steps(max(map(abs, step)) / _STEP_CHANGE)
     return tuple([at + steps * s for at, s in zip(joints, step)])
 
 

@@ -35,6 +35,7 @@ class PoseGuard:
         """
         self._model, self._tool_frames, self.frames, self._look, self._act = model, tool_frames, frames, look, act
         self._solved: Tuple[Vector, Vector] = ((math.inf,) * JOINT_COUNT, frames.joints)
+        """Place, m and rad (6,), and joints, rad (6,), of the last target."""
 
     def target_trouble(self, pose: Pose, end: Optional[Pose]) -> str:
         """Return in words why the arm must not go from the last frame to this target; "" where it may.
@@ -42,31 +43,30 @@ class PoseGuard:
         end: Where the stream would stand behind it if no other target came; None where it can stand at the target.
         """
         here = self.frames.joints
-        joints, trouble = self.joints_of(pose)
-        if joints is None or trouble:
+        joints, trouble = self._solve(pose)
+        if joints is None:
             return trouble
+        self._solved = (*pose.position, *pose.rpy), joints
         if end is None:
             return self._look((here, joints))
-        solved = self._solved
-        stand, trouble = self.joints_of(end)
-        self._solved = solved
-        if stand is None or trouble:
+        stand, trouble = self._solve(end)
+        if stand is None:
             return trouble
         return self._look((here, joints, stand)) or self._look((here, joints, brake_end(here, joints)))
 
     def joints_of(self, pose: Pose) -> Tuple[Optional[Vector], str]:
         """Return the joints of a frame, rad (6,), None where it is out of reach, and why that ends the stream."""
-        place = (*pose.position, *pose.rpy)
-        if math.dist(place, self._solved[0]) <= _SAME:  # the frame that takes a target up at once
+        if math.dist((*pose.position, *pose.rpy), self._solved[0]) <= _SAME:  # that takes the target up at once
             return self._solved[1], ""
-        try:
-            joints = inverse(self._model, self._tool_frames.flange_at(pose), self.frames.joints)
-        except UnreachablePose as error:
-            text = str(error)
-            return None, self._act(lambda: text)
-        self._solved = place, joints
-        return joints, ""
+        return self._solve(pose)
 
     def pose_at(self, joints: Vector) -> Pose:
         """Return the pose of the tool in the user frame at these joints, rad (6,)."""
         return pose_from_transform(self._tool_frames.tool_at(self._model, joints))
+
+    def _solve(self, pose: Pose) -> Tuple[Optional[Vector], str]:
+        try:
+            return inverse(self._model, self._tool_frames.flange_at(pose), self.frames.joints), ""
+        except UnreachablePose as error:
+            text = str(error)
+            return None, self._act(lambda: text)
