@@ -216,7 +216,7 @@ def judge_by_the_log(log_file, seen, stops, pending):
 def measure(duration, folder):
     bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
     bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
-    bare.terminate()
+    bare.kill()  # rospy's own shutdown may wait for ever for a thread that publishes
     bare.wait()
     log_file = folder + "/wire.mcap"
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log_file)) as simulator:

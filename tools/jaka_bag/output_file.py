@@ -9,12 +9,10 @@ from typing import BinaryIO, Callable, Iterator, List, Optional, Sequence, Set, 
 
 from .errors import BagError, OutputExists
 from .interrupts import put_off
-from .paths import PathLike
+from .paths import PathLike, noted_sources
 
 _unfinished: "Set[Union[OutputFile, OutputFolder]]" = set()
 os.register_at_fork(after_in_child=_unfinished.clear)  # what the parent writes is the parent's
-_sources: Set[str] = set()
-"""Absolute paths of what this process reads."""
 
 
 def is_same_file(one: PathLike, other: PathLike) -> bool:
@@ -25,17 +23,9 @@ def is_same_file(one: PathLike, other: PathLike) -> bool:
         return False
 
 
-def note_source(path: PathLike) -> None:
-    """Note a file or folder that this process reads: no output is written in its place while it is unfinished.
-
-    A working file that a killed process left is taken over; but it may just be what somebody recovers from.
-    """
-    _sources.add(os.path.abspath(str(path)))
-
-
 def _is_read(path: Path) -> bool:
     """Return whether this process reads it, by any name, or something in it."""
-    return path.exists() and any(is_same_file(place, path) for source in list(_sources)
+    return path.exists() and any(is_same_file(place, path) for source in noted_sources()
                                  for place in (Path(source), *Path(os.path.realpath(source)).parents))
 
 

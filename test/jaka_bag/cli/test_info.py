@@ -98,10 +98,12 @@ def test_skipped_sequence_numbers_are_counted_for_each_publisher(tmp_path, capsy
     assert "9 missing at 2 places" in info(capsys, "--seq", path)
 
 
-def test_info_imports_neither_numpy_nor_a_codec(tmp_path, root):
+def test_info_imports_neither_numpy_nor_a_codec_nor_what_only_writing_needs(tmp_path, root):
     paths = [str(write(tmp_path / name, SAMPLES)) for name in ("log.bag", "log.mcap")]
-    code = ("import sys\nfrom jaka_bag.cli.main import main\nassert main(['info'] + sys.argv[1:]) == 0\n"
-            "print(sorted({'numpy', 'lz4', 'zstandard', 'rosbags', 'mcap'} & set(sys.modules)))")
+    code = ("import sys\nbefore = set(sys.modules)\nfrom jaka_bag.cli.main import main\n"
+            "assert main(['info'] + sys.argv[1:]) == 0\n"
+            "print(sorted({'numpy', 'lz4', 'zstandard', 'rosbags', 'mcap', 'json', 'pathlib', 'shutil', 'traceback'}\n"
+            "             & set(sys.modules) - before))")
     out = subprocess.check_output([sys.executable, "-c", code] + paths, cwd=str(root))
     assert out.decode().splitlines()[-1] == "[]"
 

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence,
 from ..containers.index import LogIndex, is_rosbag2
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError, UsageError
-from ..json_text import load_json
 from ..log_records import ACCIDENT, DROPS, TRIGGER
 from .main import for_each_file, human_bytes, printable
 
@@ -136,6 +135,7 @@ def _text(document: Dict[str, Any]) -> str:
 def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
     """Add the recorder's account of lost messages by topic."""
     from ..containers.registry import read_metadata
+    from ..json_text import load_json
 
     try:
         for entry in index.metadata:

@@ -13,6 +13,8 @@ METADATA = "metadata.yaml"
 PACKED = ".zstd"
 """Suffix that rosbag2 puts behind that of a file which it has compressed as a whole."""
 PACKED_SUFFIXES = (".mcap" + PACKED, ".db3" + PACKED)
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""First bytes of a file, or of a message of CDR, that is compressed as a whole; one that is not begins with 0."""
 STORAGE_SUFFIXES = (".mcap", ".db3", *PACKED_SUFFIXES)
 """Suffixes of its files of messages, and of those that are compressed as a whole."""
 Buffer = Union[bytes, bytearray, memoryview]

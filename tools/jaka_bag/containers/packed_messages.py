@@ -3,12 +3,11 @@ from typing import TYPE_CHECKING
 
 from ..errors import BagFormatError
 from .compression import check_chunk, decompress
+from .index import ZSTD
 
 if TYPE_CHECKING:  # sizes are read without numpy
     from ..messages.batch import MessageBatch
 
-ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a compressed message; one of CDR begins with 0."""
 HEAD = 18
 """Bytes of the longest head of a compressed message."""
 

@@ -2,13 +2,12 @@
 import contextlib
 import importlib
 import os
-import traceback
 from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Set, Tuple
 
 from ..errors import BagError, BagFormatError
-from ..output_file import note_source
-from ..paths import PathLike
+from ..paths import PathLike, note_source
 from .index import (
+    ZSTD,
     CodecTotals,
     LogIndex,
     MetadataIndex,
@@ -18,7 +17,6 @@ from .index import (
     open_for_reading,
     read_at,
 )
-from .packed_messages import ZSTD
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .interface import LogReader, LogWriter
@@ -137,6 +135,7 @@ def _keeps_any(entry: Format, path: PathLike) -> bool:
 
 
 def _text_of(entry: Format, path: PathLike, error: BagFormatError) -> str:
+    import traceback  # 2 ms of the start of a command, which whole files do not need
     traceback.clear_frames(error.__traceback__)  # they hold the chunk, which the search for a message unpacks once more
     return _with_true_hint(entry, path, str(error))
 

@@ -9,8 +9,8 @@ from typing import Any, Dict, List, Optional, Tuple
 from ..errors import BagFormatError
 from ..messages.connection import Connection
 from ..paths import PathLike
-from .index import ChunkRef, CodecTotals, LogIndex, codec_totals, leftovers
-from .packed_messages import HEAD, ZSTD, unpacked_size
+from .index import ZSTD, ChunkRef, CodecTotals, LogIndex, codec_totals, leftovers
+from .packed_messages import HEAD, unpacked_size
 
 _ROW = 24
 """Bytes that a message takes besides its payload, about."""

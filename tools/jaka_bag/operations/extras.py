@@ -11,8 +11,8 @@ from ..containers.interface import LogReader
 from ..containers.registry import create_log, open_log
 from ..errors import BagError, UsageError
 from ..messages.selection import MessageFilter, Selection
-from ..output_file import OutputFile, check_output, note_source
-from ..paths import PathLike
+from ..output_file import OutputFile, check_output
+from ..paths import PathLike, note_source
 from ..pipeline import WORKERS
 from .convert import OnProgress, WriteResult, copy_log, refuse_same_file, size_of
 
