@@ -1,4 +1,5 @@
 """Text, JSON, JUnit and the page, of a good and of a bad run."""
+import dataclasses
 import html.parser
 import json
 import os
@@ -59,6 +60,13 @@ def test_json_holds_every_check_and_no_infinity(bad):
     assert data["same"] is False and len(data["checks"]) == len(bad.checks)
     assert {check["outcome"] for check in data["checks"]} <= {"same", "different", "not compared"}
     assert data["alignment"]["lag_s"] == pytest.approx(1.0, abs=0.6)
+
+
+def test_the_page_says_which_of_the_two_is_ahead(good):
+    page = as_html(good, Tolerances())
+    assert "the candidate is %.3f s behind, found by" % good.alignment.lag in page
+    turned = dataclasses.replace(good, alignment=dataclasses.replace(good.alignment, lag=-0.508))
+    assert "the candidate is 0.508 s ahead, found by" in as_html(turned, Tolerances())
 
 
 def test_junit_has_a_case_for_each_check(bad, good):

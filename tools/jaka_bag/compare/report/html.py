@@ -11,10 +11,10 @@ from .text import beginning_words, headline
 _STYLE = """
 :root{--page:#f6f7f9;--card:#fff;--text:#1b2330;--faint:#5b6675;--rule:#d7dce3;--golden:#e0a000;--candidate:#1d4fd7;
 --difference:#8b2fc9;--band:#2e9e6b26;--bad:#b3261e;--bad-soft:#fdecea;--good:#17693f;--good-soft:#e7f5ed;
---s0:#e4e8ee;--s1:#bcd9f5;--s2:#f5b5ae;--s3:#b9e3c8;--s4:#f0c3e6;--s5:#f3dfa6}
+--s0:#e4e8ee;--s1:#bcd9f5;--s2:#d3c7f0;--s3:#b9e3c8;--s4:#f0c3e6;--s5:#f3dfa6}
 @media (prefers-color-scheme:dark){:root{--page:#12161c;--card:#1b212a;--text:#e8ecf2;--faint:#a3afbf;--rule:#35404e;
 --golden:#f0b62e;--candidate:#7aa5ff;--difference:#cf9bf5;--band:#46c48a2e;--bad:#ff9d94;--bad-soft:#3b1e1d;
---good:#7ddba8;--good-soft:#17301f;--s0:#3a4350;--s1:#26507a;--s2:#7d2f28;--s3:#23613c;--s4:#6b2c5f;--s5:#6a551a}}
+--good:#7ddba8;--good-soft:#17301f;--s0:#3a4350;--s1:#26507a;--s2:#4d3f86;--s3:#23613c;--s4:#6b2c5f;--s5:#6a551a}}
 *{box-sizing:border-box}
 body{margin:0;background:var(--page);color:var(--text);
 font:15px/1.5 system-ui,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
@@ -136,8 +136,8 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
         else ("different", "&#10007;", "The candidate differs from the golden log")
     facts = [("golden log", "%s, %.1f s" % (golden.path, golden.duration)),
              ("candidate", "%s, %.1f s" % (candidate.path, candidate.duration)),
-             ("alignment", "the candidate is %.3f s behind, found by %s; not judged"
-              % (alignment.lag, alignment.method))]
+             ("alignment", "the candidate is %.3f s %s, found by %s; not judged"
+              % (abs(alignment.lag), "behind" if alignment.lag >= 0.0 else "ahead", alignment.method))]
     if comparison.time_scale != 1.0:
         facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
     if comparison.beginning is not None:
