@@ -6,9 +6,12 @@ from import_graph import ROOT
 
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.runs.run import Call, LongTrack, Run, Track, TrackFacts
+from jaka_bag.containers.registry import create_log, open_log
+from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError
 from jaka_bag.messages.selection import Selection
 from jaka_bag.operations.convert import Job, convert_file
+from jaka_regression.cell.run import run_cell
 from jaka_regression.driver_inputs import inputs_of
 from jaka_regression.replay import replay
 from jaka_regression.scenario import scenario_of
@@ -98,4 +101,20 @@ def test_a_log_whose_motions_no_call_began_is_refused_before_anything_starts(tmp
     with pytest.raises(BagError, match="no call and no message in the log began 4 motions.*replay-motion"):
         replay(tmp_path / "bare.mcap", tmp_path / "out", scenario=scenario_of(GOLDEN / "joint_moves.mcap"))
     assert "no call and no message in the log began" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert not list((tmp_path / "out").glob("*.log"))
+
+
+def test_a_cells_log_in_which_a_hand_moved_the_arm_is_refused_before_anything_starts(tmp_path):
+    log = tmp_path / "moved.mcap"
+    with open_log(GOLDEN / "joint_moves.mcap") as source, create_log(log) as target:
+        channels = {connection: target.add_channel(connection) for connection in source.connections}
+        moves = 0
+        for message in messages_of(source, Selection()):
+            is_move = message.connection.topic.endswith("service_calls") and b"joint_move" in bytes(message.data)
+            moves += is_move
+            if not (is_move and moves == 1):
+                target.add_message(channels[message.connection], message.log_time, bytes(message.data))
+    with pytest.raises(BagError, match="no call and no message in the log began the only motion: the arm moved at"):
+        run_cell(tmp_path / "none.launch", log, tmp_path / "out")
+    assert "the pendant or a hand did" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert not list((tmp_path / "out").glob("*.log"))

@@ -81,8 +81,12 @@ def _check_time_scale(script: Script, scenario: Scenario, time_scale: float) -> 
                        % (script.log, timed))
 
 
-def _require_causes(run: Run, inputs: Sequence[Input], scenario: Scenario) -> None:
-    """Check that each motion of a golden log comes again: a call, or an event of the scenario, began it."""
+def require_causes(run: Run, inputs: Sequence[Input], scenario: Scenario) -> None:
+    """Check that each motion of a golden log comes again: a call, a message or an event of the scenario began it.
+
+    Raises:
+        BagError: A hand or the pendant moved the arm, or what did was not recorded.
+    """
     seen: Dict[EventCause, float] = {BEGIN: 0.0, **{
         EventCause(CauseKind.CALL, nth=number): call.start for number, call in enumerate(run.calls)}}
     if any(event.after not in seen for event in scenario.events):
@@ -94,7 +98,7 @@ def _require_causes(run: Run, inputs: Sequence[Input], scenario: Scenario) -> No
             moments.setdefault(event.arm, []).append(seen[event.after] + event.delay_s)
     found = uncaused_motions(run, inputs, moments)
     if found:
-        raise BagError("%s cannot be replayed: %s (jaka_bag replay-motion repeats motions)"
+        raise BagError("%s cannot be made to happen again: %s (jaka_bag replay-motion repeats motions)"
                        % (run.path, in_words(found)))
 
 
@@ -216,7 +220,7 @@ def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] 
         limits = tolerances or known.tolerances
         run = load_run(golden, limits)
         script = script_of(run)
-        _require_causes(run, script.calls, known)
+        require_causes(run, script.calls, known)
         known = with_beginning(known, run)
         with HostWatch() as host:
             candidate = record_script(script, place, known, time_scale, driver)

@@ -13,10 +13,11 @@ from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
 
 from ..command_lines import DRIVER
+from ..driver_inputs import inputs_of
 from ..host_watch import HostWatch
 from ..log_beginning import with_beginning
 from ..processes import ChildProcesses
-from ..replay import CANDIDATE, Replay, report_on, reports_of_this_run
+from ..replay import CANDIDATE, Replay, report_on, reports_of_this_run, require_causes
 from ..scenario import IO_TOPIC, CauseKind, Scenario, scenario_of
 from ..stage import Script
 from .history import CellHistory, read_history
@@ -48,7 +49,8 @@ def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Se
 
     Raises:
         BagError: A log or the launch file cannot be read, the launch file starts a driver or a simulated controller,
-            or the scenario has an event after the start of a recorded call.
+            a hand or the pendant moved the arm in the golden log, or the scenario has an event after the start of a
+            recorded call.
         ProcessFailed: A process other than the cell's own failed.
     """
     place, path = Path(str(folder)), Path(str(golden))
@@ -62,6 +64,7 @@ def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Se
         arms = [arm.namespace for arm in scenario.arms]
         history = read_history(path, arms)
         scenario = _events(scenario, history, path, place)
+        require_causes(run, inputs_of(path, run), scenario)
         check_launch_file(Path(str(launch)), arguments, scenario)
         rest_s = run.duration - max(call.end for call in run.calls)
         cell_launch = CellLaunch(Path(str(launch)), tuple(arguments), tuple(call.words for call in run.calls),

@@ -69,6 +69,42 @@ def test_the_page_says_which_of_the_two_is_ahead(good):
     assert "the candidate is 0.508 s ahead, found by" in as_html(turned, Tolerances())
 
 
+def articles(page):
+    return re.findall("<article.*?</article>", page, re.DOTALL)
+
+
+def test_the_page_shows_first_what_the_others_follow_from(bad):
+    names = [re.search("<h3>(.*?)</h3>", one).group(1) for one in articles(as_html(bad, Tolerances()))]
+    assert names[0] == html.escape(bad.beginning.name)
+    worst = [html.escape(check.name) for check, _ in bad.folded]
+    assert names[0] != worst[0] and names[1:] == [name for name in worst if name != names[0]]
+
+
+def test_the_picture_of_a_moment_leaves_out_the_states_that_are_the_same_throughout(bad):
+    card = next(one for one in articles(as_html(bad, Tolerances())) if "States and calls" in one)
+    assert "the same throughout: power_state on, servo_state off, collision_state off" in card
+    rows = re.findall('class="row"[^>]*>(.*?)</text>', card)
+    assert "motion_state, golden" in rows and "power_state, golden" not in rows
+
+
+def test_a_call_that_failed_is_told_with_its_error_beside_the_picture(bad):
+    broken = [call._replace(success=False, error="out of <reach>") for call in bad.candidate.calls]
+    page = as_html(dataclasses.replace(bad, candidate=dataclasses.replace(bad.candidate, calls=tuple(broken))),
+                   Tolerances())
+    assert "s of the candidate failed: out of &lt;reach&gt;" in "".join(articles(page))
+    assert "failed: out of" not in "".join(articles(as_html(bad, Tolerances())))
+
+
+def test_a_log_whose_activity_ends_early_is_told(bad, good):
+    assert "ends early" not in as_html(good, Tolerances())
+    short = dataclasses.replace(bad.candidate, calls=bad.candidate.calls[:1], joints={
+        topic: dataclasses.replace(track, facts=dataclasses.replace(track.facts, motions=track.facts.motions[:1]))
+        for topic, track in bad.candidate.joints.items()})
+    found = re.search("after ([0-9.]+) s nothing is called or moves in the candidate; in the golden log until (.*) s<",
+                      as_html(dataclasses.replace(bad, candidate=short), Tolerances()))
+    assert float(found.group(1)) + 2.0 < float(found.group(2)) <= bad.golden.duration
+
+
 def test_junit_has_a_case_for_each_check(bad, good):
     for comparison in (good, bad):
         root = ElementTree.fromstring(as_junit(comparison).encode())

@@ -3,6 +3,7 @@ import os
 from html import escape
 from typing import Iterable, List, Sequence, Tuple
 
+from ..runs.run import Run
 from ..tolerances import Tolerances, as_yaml
 from ..verdict import Check, Comparison, Outcome
 from .pictures import Figure, Pictures
@@ -41,6 +42,7 @@ svg{display:block;width:100%;height:auto}
 .legend span::before{content:"";display:inline-block;width:26px;height:0;margin-right:7px;vertical-align:middle;
 border-top:3px solid var(--k)}
 .legend .band::before{height:11px;border:0;background:var(--band);outline:1px solid var(--rule)}
+.legend .refused::before{height:11px;border:0;background:var(--bad)}
 .legend .golden::before{border-top-width:5px}.legend .mark::before{border-top:2px dashed var(--bad)}
 path{fill:none}
 .golden{stroke:var(--golden);stroke-width:4;stroke-linejoin:round}
@@ -67,10 +69,13 @@ summary{cursor:pointer}
 _SIGNS = {Outcome.SAME: "&#10003; same", Outcome.DIFFERENT: "&#10007; different",
           Outcome.NOT_COMPARED: "&#8211; not compared"}
 _MOST_PICTURES = 30
+_EARLY_S = 2.0
+"""Time, s, by which one log's activity ends before the other's to be told: late motions alone are less."""
 _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">golden log</span>
 <span class="candidate" style="--k:var(--candidate)">candidate</span>
 <span class="difference" style="--k:var(--difference)">how far off, less what jitter and stops allow</span>
-<span class="band">allowed</span><span class="mark">worst moment</span></p>"""
+<span class="band">allowed</span><span class="mark">worst moment</span>
+<span class="refused">a call that failed</span></p>"""
 
 
 _Section = Tuple[str, str, str]
@@ -127,6 +132,22 @@ def _table(checks: Iterable[Check]) -> str:
             '<tbody>%s</tbody></table></div>' % rows)
 
 
+def _last_activity(run: Run) -> float:
+    """Return when the last call or motion of a log ends, s since its begin."""
+    ends = [call.end for call in run.calls] + [end for track in run.joints.values() for _, end in track.facts.motions]
+    return max(ends, default=0.0)
+
+
+def _early_end(comparison: Comparison) -> List[Tuple[str, str]]:
+    """Return a fact about a log in which nothing is called or moves any more long before the other; mostly none."""
+    ends = [_last_activity(comparison.golden), _last_activity(comparison.candidate) - comparison.alignment.lag]
+    if abs(ends[0] - ends[1]) < _EARLY_S:
+        return []
+    words = ("candidate", "golden log") if ends[1] < ends[0] else ("golden log", "candidate")
+    return [("ends early", "after %.1f s nothing is called or moves in the %s; in the %s until %.1f s"
+             % (min(ends), words[0], words[1], max(ends)))]
+
+
 def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
     """Return the page about a comparison, to be written as UTF-8."""
     pictures = Pictures(comparison, tolerances)
@@ -140,13 +161,15 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
               % (abs(alignment.lag), "behind" if alignment.lag >= 0.0 else "ahead", alignment.method))]
     if comparison.time_scale != 1.0:
         facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
+    facts += _early_end(comparison)
     if comparison.beginning is not None:
         facts.append(("it begins with", beginning_words(comparison.beginning, len(comparison.differences) - 1)))
     facts += [("of no effect", "tolerances: %s" % text) for text in comparison.unmatched]
-    worst = comparison.folded
+    worst = sorted(comparison.folded, key=lambda entry: comparison.beginning not in (entry[0], *entry[1]))
     cards = "".join(_difference(check, more, pictures.moment(check) if number < _MOST_PICTURES else [])
                     for number, (check, more) in enumerate(worst))
-    sections = [("differences", "Differences, the worst first", _LEGEND + cards)] if worst else []
+    order = "<p>What it begins with, then the worst first.</p>"
+    sections = [("differences", "Differences", order + _LEGEND + cards)] if worst else []
     sections += [(name, heading, '<div class="card">%s</div>' % content) for name, heading, content in (
         ("timeline", "States and calls", figures_of(pictures.time_lines())),
         ("path", "Tool centre point", figures_of(pictures.paths())),

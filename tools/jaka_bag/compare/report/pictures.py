@@ -20,6 +20,8 @@ _PATH_POINTS = 3000
 _MARGIN_S = 0.5
 _OVERLAID = "Golden log and candidate over time, one upon the other."
 _AXES = "xyz"
+_MOST_FAILED = 5
+"""Failed calls whose error a picture's caption has, at most: it is read at a glance."""
 
 
 class Figure(NamedTuple):
@@ -191,29 +193,40 @@ class Pictures:
         return figures
 
     def time_lines(self, x_range: Optional[Tuple[float, float]] = None, mark: Optional[float] = None) -> List[Figure]:
-        """Draw states and calls of both runs."""
+        """Draw states and calls of both runs; between two times, s, without the states that are the same throughout."""
         rows: List[Row] = []
+        steady: List[str] = []
         for topic, ours in self._golden.states.items():
             theirs = self._candidate.states.get(topic)
             prefix = topic.rsplit("/", 2)[0].strip("/")
             for column, name in enumerate(ours.names):
                 label = "%s %s" % (prefix, name) if prefix else name
-                rows.append(Row(label + ", golden", _state_bars(ours, column, 0.0, self._golden.duration)))
+                pair = [_state_bars(ours, column, 0.0, self._golden.duration)]
                 if theirs is not None and name in theirs.names:
-                    rows.append(Row("candidate", _state_bars(theirs, theirs.names.index(name), self._lag,
-                                                             self._candidate.duration)))
+                    pair.append(_state_bars(theirs, theirs.names.index(name), self._lag, self._candidate.duration))
+                values = {bar.text for bars in pair for bar in bars if x_range is not None
+                          and bar.end >= x_range[0] and bar.start <= x_range[1]}
+                if len(pair) == 2 and len(values) == 1:
+                    steady.append("%s %s" % (label, values.pop()))
+                else:
+                    rows += [Row(words, bars) for words, bars in zip((label + ", golden", "candidate"), pair)]
+        failed: List[str] = []
         for service in sorted({call.service for call in self._golden.calls + self._candidate.calls}):
             for run, lag, label in ((self._golden, 0.0, service.strip("/").replace("jaka_driver/", "") + ", golden"),
                                     (self._candidate, self._lag, "candidate")):
                 calls = [call for call in run.calls if call.service == service]
                 if x_range is not None:
                     calls = [call for call in calls if call.end - lag >= x_range[0] and call.start - lag <= x_range[1]]
+                    whose = "golden log" if run is self._golden else "candidate"
+                    failed += ["%s at %.2f s of the %s failed: %s" % (
+                        call.short_name, call.start - lag, whose, call.error) for call in calls if not call.success]
                 rows.append(bounded_row(label, [_call_bar(call, lag) for call in calls]))
             if not (rows[-1].bars or rows[-2].bars):
                 del rows[-2:]
         if not rows:
             return []
-        return [Figure("States and calls", time_line(
+        more = (["the same throughout: " + ", ".join(steady)] if steady else []) + failed[:_MOST_FAILED]
+        return [Figure("; ".join(["States and calls", *more]), time_line(
             "States and calls", "For each state field and service one row of the golden log and one of the candidate.",
             rows, x_range or self.range, mark))]
 
@@ -242,8 +255,7 @@ class Pictures:
         if check.aspect is Aspect.FIELDS:
             return self._field_moment(check, span)
         if check.aspect in (Aspect.STATES, Aspect.CALLS, Aspect.DURATIONS, Aspect.RESPONSES, Aspect.GAPS):
-            return [figure._replace(caption="States and calls around the moment")
-                    for figure in self.time_lines((check.at - 2.0, check.at + 4.0), check.at)]
+            return self.time_lines((check.at - 2.0, check.at + 4.0), check.at)
         return self._stamp_moment(check, span) if check.aspect is Aspect.STAMPS else []
 
     def _joint_moment(self, check: Check, span: Tuple[float, float]) -> List[Figure]:
