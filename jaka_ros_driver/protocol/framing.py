@@ -210,6 +210,8 @@ class FrameStream:
     def feed(self, data: bytes) -> List[FramedItem]:
         """Take the next bytes of the stream, and return the items that they complete, in order."""
         items: List[FramedItem] = []
+        if not self._buffer and self._is_one_frame(data, items):
+            return items
         for start in range(0, len(data), self._max_bytes):
             if self.is_flooded:
                 break
@@ -223,6 +225,18 @@ class FrameStream:
         if self.is_flooded:
             self._skip(len(self._buffer), "nothing but damage", items)
         return items
+
+    def _is_one_frame(self, data: bytes, items: List[FramedItem]) -> bool:
+        """Take a piece that is one whole frame, as nearly all are, at once; return False where it is anything else."""
+        head = _FRAME_HEAD.match(data)
+        if head is None or not int(head.group(1)) == len(data) <= self._max_bytes or self.is_flooded:
+            return False
+        try:
+            items.append(parse_object(data))
+        except FramingError:
+            return False
+        self._in_damage, self._damage = False, 0
+        return True
 
     def _find_heads(self) -> None:
         begin = self._begin

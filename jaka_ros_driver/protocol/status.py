@@ -1,6 +1,6 @@
 """Status frames of the feed: the encoder, which writes the exact ``len``, and the decoder to a RobotState."""
 import math
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from jaka_ros_driver.errors import StatusFrameError
 from jaka_ros_driver.protocol.framing import encode_object
@@ -87,34 +87,67 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
     wrench, sensor_error = _wrench(fields.get("torqsensor"))
     return RobotState(
         joint_position=all_deg_to_rad(joints),
-        is_powered=_essential_flag(fields, "powered_on"),
-        is_enabled=_essential_flag(fields, "enabled"),
-        is_in_position=_essential_flag(fields, "inpos"),
-        emergency_stop=_essential_flag(fields, "emergency_stop"),
-        protective_stop=_essential_flag(fields, "protective_stop"),
         received_at=received_at,
         tcp_position=None if pose is None else all_mm_to_m(pose[:3]),
         tcp_rpy=None if pose is None else all_deg_to_rad(pose[3:]),
         joint_position_commanded=None if commanded is None else all_deg_to_rad(commanded),
         joint_velocity=None if velocity is None else all_deg_to_rad(velocity),
         tcp_speed=None if speed is None else mm_to_m(speed),
-        is_hand_guided=_flag(fields, "drag_status"),
-        is_paused=_flag(fields, "paused"),
-        on_soft_limit=_flag(fields, "on_soft_limit"),
-        program_state=_integer(fields, "interp_state"),
-        rapid_rate=_number(fields, "rapidrate", _MAX_RATE),
-        tool_id=_integer(fields, "current_tool_id"),
-        user_frame_id=_integer(fields, "current_user_id"),
         error_code=_event_code(fields.get("errcode", "0x0")),
         error_message=text_of(fields.get("errmsg", "")),
-        motion_line=_integer(fields, "motion_line"),
-        add_error_line=_integer(fields, "err_add_line"),
-        io=_io(fields),
         cabinet_temperature=cabinet_temperature,
         joint_temperature=joint_temperature,
         joint_current=joint_current,
         wrench=wrench,
-        sensor_error=sensor_error)
+        sensor_error=sensor_error,
+        **_steady_part.of(fields),
+        **_io_part.of(fields))
+
+
+class _KnownPart:
+    """Fields of a state that seldom change: where their keys have the values of the previous frame, it is not decoded
+    again.
+
+    A cache, which changes no result: values that are equal, as 1 and true are, decode to the same.
+    """
+
+    def __init__(self, keys: Sequence[str], decode: Callable[[Mapping[str, Any]], Dict[str, Any]]) -> None:
+        """Set up the cache.
+
+        Args:
+            keys: All keys of a frame that ``decode`` reads.
+            decode: Returns the fields of the state; it takes null for a missing key.
+        """
+        self._keys = keys
+        self._decode = decode
+        self._known: Tuple[List[Any], Dict[str, Any]] = [], {}
+
+    def of(self, fields: Mapping[str, Any]) -> Dict[str, Any]:
+        """Return the fields of the state."""
+        values = [fields.get(key) for key in self._keys]
+        known, decoded = self._known
+        if values != known:
+            decoded = self._decode(fields)
+            self._known = [list(value) if isinstance(value, list) else value for value in values], decoded
+        return decoded
+
+
+def _steady(fields: Mapping[str, Any]) -> Dict[str, Any]:
+    return {
+        "is_powered": _essential_flag(fields, "powered_on"),
+        "is_enabled": _essential_flag(fields, "enabled"),
+        "is_in_position": _essential_flag(fields, "inpos"),
+        "emergency_stop": _essential_flag(fields, "emergency_stop"),
+        "protective_stop": _essential_flag(fields, "protective_stop"),
+        "is_hand_guided": _flag(fields, "drag_status"),
+        "is_paused": _flag(fields, "paused"),
+        "on_soft_limit": _flag(fields, "on_soft_limit"),
+        "program_state": _integer(fields, "interp_state"),
+        "rapid_rate": _number(fields, "rapidrate", _MAX_RATE),
+        "tool_id": _integer(fields, "current_tool_id"),
+        "user_frame_id": _integer(fields, "current_user_id"),
+        "motion_line": _integer(fields, "motion_line"),
+        "add_error_line": _integer(fields, "err_add_line")}
 
 
 def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
@@ -206,14 +239,14 @@ def _bank_values(fields: Mapping[str, Any], banks: Tuple[Tuple[IoBank, str], ...
     return found
 
 
-def _io(fields: Mapping[str, Any]) -> IoState:
-    return IoState(
+def _io(fields: Mapping[str, Any]) -> Dict[str, Any]:
+    return {"io": IoState(
         digital_inputs=_bank_values(fields, _DIGITAL_INPUTS),
         digital_outputs=_bank_values(fields, _DIGITAL_OUTPUTS),
         analog_inputs=_bank_values(fields, _ANALOG_INPUTS),
         analog_outputs=_bank_values(fields, _ANALOG_OUTPUTS),
         relays=_array("relay_io", fields.get("relay_io")) or (),
-        field_buses=_field_buses(fields))
+        field_buses=_field_buses(fields))}
 
 
 def _field_buses(fields: Mapping[str, Any]) -> Dict[FieldBus, BusTerminals]:
@@ -285,3 +318,10 @@ def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
     if error or not any(map(any, readings)):
         return None, error
     return tuple(map(float, readings[0])), 0
+
+
+_steady_part = _KnownPart((
+    "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop", "drag_status", "paused", "on_soft_limit",
+    "interp_state", "rapidrate", "current_tool_id", "current_user_id", "motion_line", "err_add_line"), _steady)
+_io_part = _KnownPart([key for banks in (_DIGITAL_INPUTS, _DIGITAL_OUTPUTS, _ANALOG_INPUTS, _ANALOG_OUTPUTS)
+                       for _, key in banks] + ["relay_io"] + [key for _, keys in _FIELD_BUSES for key in keys], _io)

@@ -55,6 +55,21 @@ def test_splitting_never_changes_the_outcome_of_damaged_streams(stream, pieces, 
     assert shape(fed(stream(), data, cuts)) == shape(stream().feed(data))
 
 
+_INNER = encode_frame({"a": 1}).decode()
+PIECES = [FRAME, encode_frame({"note": _INNER}), encode_frame({"a": _INNER[:-1]}), FRAME[:-1] + b"]",
+          FRAME[:-2] + b"}}", FRAME.replace(b"0x0", b"0x\xff"), encode_frame({"a": 1}).replace(b"1}", b"NaN}"),
+          b" " + FRAME, FRAME + b"\n", FRAME[:9], FRAME[9:], b'{"len": 9}', b'{"len": 10}', b'{"len": 11}',
+          b'{"len": 20, "a": 1234567}', b'{"len": 30, "a": 1234567}', b"{}", b"x", b"\0"]
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=10))
+def test_pieces_that_are_one_frame_are_read_as_all_others(pieces):
+    stream = FrameStream()
+    in_turn = [item for piece in [*pieces, FRAME] for item in stream.feed(piece)]
+    assert shape(in_turn) == shape(FrameStream().feed(b"".join([*pieces, FRAME])))
+    assert not stream._heads and not stream._whole and not stream._buffer
+
+
 @given(st.lists(st.one_of(st.just(FRAME), st.binary(max_size=40).filter(lambda b: b"{" not in b)), max_size=8))
 def test_whole_frames_survive_garbage_between_them(pieces):
     frames = [item for item in FrameStream().feed(b"".join(pieces)) if not isinstance(item, FramingError)]

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_ros_driver.errors import StatusFrameError
+from jaka_ros_driver.protocol import status
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import encode_frame, parse_status
 from jaka_ros_driver.state import BusTerminals, FieldBus, IoBank, MotionState
@@ -195,3 +196,62 @@ def test_a_frame_captured_from_a_real_controller_is_understood(root):
     assert len(state.io.digital_inputs[IoBank.CABINET]) == 135
     assert state.joint_velocity is None and state.motion_line is None
     assert state.joint_current == (0.0,) * 6 and state.wrench is None and state.io.field_buses == {}
+
+
+def afresh(fields):
+    """Decode a frame as the first one of a process."""
+    before = status._steady_part, status._io_part
+    known = dict(status._known_arrays)
+    for part in before:
+        part._known = [], {}
+    status._known_arrays.clear()
+    try:
+        return parse_status(fields, 1.0)
+    finally:
+        status._known_arrays.update(known)
+
+
+ANYTHING = {
+    **dict.fromkeys(FLAGS, (0, 1, True, False, "1", "false")),
+    **dict.fromkeys(("interp_state", "rapidrate", "current_tool_id", "current_user_id", "motion_line", "err_add_line"),
+                    (0, 1, 2, 7.0, True)),
+    **dict.fromkeys(("din", "dout", "ain", "aout", "tio_din", "tio_dout", "tio_ain", "relay_io", "mb_slave_din",
+                     "mb_slave_aout", "pn_dev_dout", "eip_adpt_ain"), ([], [0, 1], [0, 0], [1.5] * 8)),
+    "joint_actual_position": ([0.0] * 6, [1.0] * 6), "errcode": ("0x0", "0x2F0006", 5), "errmsg": ("", "x")}
+
+
+@given(st.lists(st.sampled_from(sorted(ANYTHING)).flatmap(lambda key: st.tuples(st.just(key), st.sampled_from(
+    (*ANYTHING[key], None)))), max_size=30))
+def test_what_the_frames_before_have_brought_changes_nothing(changes):
+    def outcome(decode, fields):
+        try:
+            return decode(fields)
+        except StatusFrameError as error:
+            return str(error)
+    frames, fields = [], dict(FULL)
+    for key, value in changes:
+        fields = {name: one for name, one in fields.items() if name != key}
+        if value is not None:
+            fields[key] = value
+        frames.append(fields)
+    in_turn = [outcome(lambda fields: parse_status(fields, 1.0), fields) for fields in frames]
+    assert in_turn == [outcome(afresh, fields) for fields in frames]
+
+
+def test_a_list_that_is_changed_in_place_is_decoded_again():
+    fields = dict(FULL, din=[0, 1], relay_io=[0])
+    assert parse_status(fields, 0.0).io.digital_inputs[IoBank.CABINET] == (0, 1)
+    fields["din"][0] = fields["relay_io"][0] = 1
+    io = parse_status(fields, 0.0).io
+    assert io.digital_inputs[IoBank.CABINET] == (1, 1) and io.relays == (1,)
+
+
+def test_every_key_of_a_part_is_one_that_it_reads():
+    class Noted(dict):
+        def get(self, key, default=None):
+            read.add(key)
+            return super().get(key, default)
+    for part in (status._steady_part, status._io_part):
+        read = set()
+        part._decode(Noted(FULL))
+        assert read == set(part._keys) and len(set(part._keys)) == len(part._keys)
