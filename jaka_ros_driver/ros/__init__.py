@@ -15,6 +15,7 @@ frame_table   the tool and user frames that the controller has stored, its load 
 metrics       the page for Prometheus, where a port is given for it
 model_check   comparison of the controller's pose with the arm model
 direct_publisher   publishers that write to their listeners in the publishing thread
+packed        messages of the state topics as bytes, by the layout of their type
 connections   bounds of the node's connections, and which are closed when there are too many
 driver_lock, single_name   one driver for each controller, one node for each name
 short_calls   calls of masters and nodes that end in time

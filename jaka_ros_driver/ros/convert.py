@@ -46,6 +46,14 @@ VENDOR_IO_FAILURE = -999999.0
 VENDOR_KINEMATICS_FAILURE = 9999.0
 """The value of each number in the maker's reply to a failed get_fk or get_ik (docs/interface.md section 5)."""
 
+_STAMP = ("header.stamp.secs", "header.stamp.nsecs")
+TWIST_FIELDS = _STAMP + tuple("twist.%s.%s" % (part, axis) for part in ("linear", "angular") for axis in "xyz")
+POSE_FIELDS = _STAMP + tuple("pose.position." + axis for axis in "xyz") + tuple(
+    "pose.orientation." + axis for axis in "xyzw")
+JOINT_FIELDS = _STAMP + ("position", "velocity", "effort")
+ROBOT_FIELDS = ("motion_state", "power_state", "servo_state", "collision_state")
+"""Fields with numbers of the state topics' messages, in the order of the functions that return these numbers."""
+
 _Member = TypeVar("_Member", bound=IntEnum)
 _JOINTS = "six joint angles, rad"
 _COORD_MODES = "0 joint, 1 active user frame, 2 tool"
@@ -322,39 +330,46 @@ def _rounded(values: Sequence[float]) -> List[float]:
 
 # ---- state to messages ----
 
-def tool_position(state: RobotState, stamp: genpy.Time, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
-    """Return the message of ``~tool_position``: m and rotation vector, rad (vendor's interface: mm and rpy, deg).
+def tool_twist(state: RobotState, is_vendor: bool) -> Optional[Tuple[float, ...]]:
+    """Return the numbers of ``~tool_position``, shape (6,): m and rotation vector, rad (vendor's interface: mm and rpy,
+    deg).
 
     It is None where the controller does not report the pose.
     """
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
+    if is_vendor:
+        return all_m_to_mm(state.tcp_position) + all_rad_to_deg(state.tcp_rpy)
+    return state.tcp_position + rotation_vector_from_rpy(state.tcp_rpy)
+
+
+def tool_position(twist: Sequence[float], stamp: genpy.Time, frame_id: str) -> TwistStamped:
+    """Return the message of ``~tool_position`` with the numbers of ``tool_twist``."""
     message = TwistStamped()
     message.header.stamp = stamp
     message.header.frame_id = frame_id
     linear, angular = message.twist.linear, message.twist.angular
-    if is_vendor:
-        linear.x, linear.y, linear.z = all_m_to_mm(state.tcp_position)
-        angular.x, angular.y, angular.z = all_rad_to_deg(state.tcp_rpy)
-    else:
-        linear.x, linear.y, linear.z = state.tcp_position
-        angular.x, angular.y, angular.z = rotation_vector_from_rpy(state.tcp_rpy)
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist
     return message
 
 
-def tool_pose(state: RobotState, stamp: genpy.Time, frame_id: str) -> Optional[PoseStamped]:
-    """Return the message of ``~tool_position`` in the vendor's interface of 2025: mm and unit quaternion.
+def tool_pose(state: RobotState) -> Optional[Tuple[float, ...]]:
+    """Return the numbers of ``~tool_position`` in the vendor's interface of 2025, shape (7,): mm and unit quaternion.
 
     It is None where the controller does not report the pose.
     """
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
+    return all_m_to_mm(state.tcp_position) + quaternion(rotation_vector_from_rpy(state.tcp_rpy))
+
+
+def tool_position_2025(pose: Sequence[float], stamp: genpy.Time, frame_id: str) -> PoseStamped:
+    """Return the message of ``~tool_position`` with the numbers of ``tool_pose``."""
     message = PoseStamped()
     message.header.stamp = stamp
     message.header.frame_id = frame_id
     p, q = message.pose.position, message.pose.orientation
-    p.x, p.y, p.z = all_m_to_mm(state.tcp_position)
-    q.x, q.y, q.z, q.w = quaternion(rotation_vector_from_rpy(state.tcp_rpy))
+    p.x, p.y, p.z, q.x, q.y, q.z, q.w = pose
     return message
 
 
@@ -369,16 +384,19 @@ def joint_position(state: RobotState, stamp: genpy.Time, names: Sequence[str],
     return message
 
 
-def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool,
-                 is_stream_moving: Optional[bool] = None) -> "messages.RobotMsg":
-    """Return the message of ``~robot_states``; ``is_stream_moving`` as for ``shown_motion_state``.
+def robot_conditions(state: RobotState, is_servo_active: bool, is_vendor: bool,
+                     is_stream_moving: Optional[bool] = None) -> Tuple[int, int, int, int]:
+    """Return the numbers of ``~robot_states``; ``is_stream_moving`` as for ``shown_motion_state``.
 
     ``servo_state`` is 1 in servo mode, in the vendor's interface while the arm is enabled.
     """
-    return messages.RobotMsg(
-        motion_state=int(state.shown_motion_state(is_stream_moving)), power_state=int(state.is_powered),
-        servo_state=int(state.is_enabled if is_vendor else is_servo_active),
-        collision_state=int(state.protective_stop))
+    return (int(state.shown_motion_state(is_stream_moving)), int(state.is_powered),
+            int(state.is_enabled if is_vendor else is_servo_active), int(state.protective_stop))
+
+
+def robot_states(conditions: Sequence[int]) -> "messages.RobotMsg":
+    """Return the message of ``~robot_states`` with the numbers of ``robot_conditions``."""
+    return messages.RobotMsg(**dict(zip(ROBOT_FIELDS, conditions)))
 
 
 def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: genpy.Time) -> TransformStamped:

@@ -32,6 +32,7 @@ STAMPS = ("test/ros/topics/test_stamps.py",)
 VELOCITY = ("test/ros/topics/test_velocity.py",)
 REPEATER = ("test/ros/topics/test_state_repeater.py",)
 PUBLISHERS = ("test/ros/topics/test_state_publishers.py",)
+PACKED = ("test/ros/topics/test_packed.py::test_a_packed_topic_sends_and_counts_what_rospy_sends_and_counts",)
 TERMINALS = tuple("test/ros/topics/test_io_states.py::test_" + name for name in (
     "analog_noise_is_told_ten_times_a_second_at_most_and_to_subscribers_only",
     "a_digital_change_is_told_by_the_frame_that_shows_it", "old_news_and_a_feed_without_terminals_are_not_told"))
@@ -443,7 +444,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("the vendor's orientation of 2025 is a rotation vector", "ros/convert.py",
            "            rpy = pose[3:]\n", "            rpy = rpy_from_rotation_vector(pose[3:])\n", CONVERT),
     Mutant("the vendor's pose of 2025 is in m", "ros/convert.py",
-           "p.x, p.y, p.z = all_m_to_mm(state.tcp_position)", "p.x, p.y, p.z = state.tcp_position", CONVERT),
+           "all_m_to_mm(state.tcp_position) + quaternion(", "state.tcp_position + quaternion(", CONVERT),
     Mutant("a jog is of the axis beside", "ros/convert.py", "divmod(request.index, 2)", "divmod(request.index + 1, 2)",
            CONVERT),
     Mutant("a jog goes the other way", "ros/convert.py",
@@ -463,7 +464,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("inputs and outputs are swapped", "ros/convert.py",
            'request.path, 0, 1) == 1', 'request.path, 0, 1) == 0', CONVERT),
     Mutant("the vendor's orientation is in rad", "ros/convert.py",
-           "= all_rad_to_deg(state.tcp_rpy)", "= state.tcp_rpy", CONVERT),
+           "+ all_rad_to_deg(state.tcp_rpy)", "+ state.tcp_rpy", CONVERT),
     Mutant("servo mode is told as enabled", "ros/convert.py",
            "int(state.is_enabled if is_vendor else is_servo_active)", "int(state.is_enabled)", CONVERT),
     Mutant("a quaternion is no unit quaternion", "ros/convert.py",
@@ -495,6 +496,9 @@ OF_ROS: Tuple[Mutant, ...] = (
            "if not self._thinner.takes(state.received_at):", PUBLISHERS),
     Mutant("a pose is told in the base frame always", "ros/topics/state_publishers.py",
            "frame = self._names.user(state.user_frame_id)", "frame = self._names.base", PUBLISHERS),
+    Mutant("another length is sent in the layout before", "ros/packed.py",
+           "if shape != self._shape:", "if self._shape is None:", PACKED),
+    Mutant("packed messages are not counted", "ros/packed.py", "            impl.seq += 1\n", "", PACKED),
     Mutant("analog noise is published at the feed's rate", "ros/topics/io_states.py",
            "_ANALOG_PERIOD_S = 0.1", "_ANALOG_PERIOD_S = 0.0", TERMINALS),
     Mutant("a change of a relay is not noticed", "ros/topics/io_states.py",

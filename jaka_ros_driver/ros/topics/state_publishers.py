@@ -3,7 +3,7 @@
 Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
 not made: its making would cost as much as that of those which are read.
 """
-from typing import List, NamedTuple, Optional, Type, TypeVar, Union
+from typing import Any, List, NamedTuple, Optional, Sequence, Type, TypeVar
 
 import genpy
 import rospy
@@ -20,6 +20,7 @@ from jaka_ros_driver.ros import convert
 from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.jaka_types import warn_absent
+from jaka_ros_driver.ros.packed import PackedTopic
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
@@ -71,14 +72,17 @@ class StatePublishers(LoopTask):
         self._joint_names = [config.frame_prefix + joint for joint in JOINTS]
         self.stamps = SampleStamps(StampClock(ros_clock()))
         self._velocity = VelocityEstimate()
-        self._tool_position = _publisher("~tool_position", PoseStamped if config.is_vendor_2025 else TwistStamped)
-        self._joint_position = _publisher("~joint_position", JointState)
-        self._robot_states: Optional[rospy.Publisher[messages.RobotMsg]] = None
+        self._tool_position: PackedTopic[Any] = PackedTopic(
+            _publisher("~tool_position", PoseStamped if config.is_vendor_2025 else TwistStamped),
+            convert.POSE_FIELDS if config.is_vendor_2025 else convert.TWIST_FIELDS)
+        self._joint_position = PackedTopic(_publisher("~joint_position", JointState), convert.JOINT_FIELDS)
+        self._robot_states: Optional[PackedTopic[messages.RobotMsg]] = None
         if hasattr(messages, "RobotMsg"):
-            self._robot_states = _publisher("~robot_states", messages.RobotMsg)
+            self._robot_states = PackedTopic(_publisher("~robot_states", messages.RobotMsg), convert.ROBOT_FIELDS)
         else:
             warn_absent("RobotMsg", "~robot_states is not published; everything else is served", messages)
         self.joint_states = _publisher(config.joint_states_topic, JointState)
+        self._joint_states = PackedTopic(self.joint_states, convert.JOINT_FIELDS)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
         self._repeater = StateRepeater(1.0 / config.publish_rate)
         self._thinner = StateThinner(1.0 / config.publish_rate, arm.settings.feed_period)
@@ -120,29 +124,29 @@ class StatePublishers(LoopTask):
         self._newest = sample
         self._publish(sample)
         self._repeater.arrived(state.received_at)
-        if self.joint_states.get_num_connections():
-            self.joint_states.publish(convert.joint_position(
-                state, stamp, self._joint_names, self.joint_velocity(state)))
+        if self._joint_states.is_heard():
+            _publish_joints(self._joint_states, state, stamp, self._joint_names, self.joint_velocity(state))
         if self._tf is not None and self._tf.get_num_connections():
             self._tf.publish(TFMessage(self._transforms(state, stamp)))
 
-    def _tool(self, state: RobotState, stamp: rospy.Time) -> Optional[Union[TwistStamped, PoseStamped]]:
-        frame = self._names.user(state.user_frame_id)
-        if self._config.is_vendor_2025:
-            return convert.tool_pose(state, stamp, frame)
-        return convert.tool_position(state, stamp, frame, self._config.is_vendor)
-
     def _publish(self, sample: Sample) -> None:
         state, stamp = sample.state, sample.stamp
-        if self._tool_position.get_num_connections():
-            tool_position = self._tool(state, stamp)
-            if tool_position is not None:
-                self._tool_position.publish(tool_position)
-        if self._joint_position.get_num_connections():
-            self._joint_position.publish(convert.joint_position(state, stamp, JOINTS, state.joint_velocity))
-        if self._robot_states is not None and self._robot_states.get_num_connections():
-            self._robot_states.publish(convert.robot_states(state, sample.is_servo_active, self._config.is_vendor,
-                                                            sample.is_stream_moving))
+        if self._tool_position.is_heard():
+            self._publish_tool(state, stamp)
+        if self._joint_position.is_heard():
+            _publish_joints(self._joint_position, state, stamp, JOINTS, state.joint_velocity)
+        if self._robot_states is not None and self._robot_states.is_heard():
+            conditions = convert.robot_conditions(state, sample.is_servo_active, self._config.is_vendor,
+                                                  sample.is_stream_moving)
+            self._robot_states.publish(True, lambda: convert.robot_states(conditions), conditions)
+
+    def _publish_tool(self, state: RobotState, stamp: rospy.Time) -> None:
+        is_2025 = self._config.is_vendor_2025
+        pose = convert.tool_pose(state) if is_2025 else convert.tool_twist(state, self._config.is_vendor)
+        if pose is not None:
+            frame = self._names.user(state.user_frame_id)
+            make = convert.tool_position_2025 if is_2025 else convert.tool_position
+            self._tool_position.publish(frame, lambda: make(pose, stamp, frame), (stamp.secs, stamp.nsecs) + pose)
 
     def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
         names = self._names
@@ -158,6 +162,12 @@ class StatePublishers(LoopTask):
             transforms.append(convert.transform_message(
                 base_t_user, names.base, names.user(state.user_frame_id), stamp))
         return transforms
+
+
+def _publish_joints(topic: "PackedTopic[JointState]", state: RobotState, stamp: rospy.Time, names: Sequence[str],
+                    velocity: Optional[Vector]) -> None:
+    topic.publish(velocity is None, lambda: convert.joint_position(state, stamp, names, velocity),
+                  (stamp.secs, stamp.nsecs) + state.joint_position + (velocity or ()))
 
 
 def _publisher(name: str, message_type: Type[_Message]) -> "rospy.Publisher[_Message]":

@@ -351,20 +351,20 @@ def test_pose_targets_by_topic_that_are_refused(message, refusal):
 # ---- state ----
 
 def test_tool_position_is_m_and_a_rotation_vector_and_the_vendors_mm_and_degrees():
-    ours = convert.tool_position(STATE, None, "base_link", False)
+    ours = convert.tool_position(convert.tool_twist(STATE, False), None, "base_link")
     assert ours.header.frame_id == "base_link"
     assert (ours.twist.linear.x, ours.twist.linear.y, ours.twist.linear.z) == (0.4, -0.1, 0.3)
     angular = ours.twist.angular
     assert rotation_angle_between(matrix_from_rotation_vector((angular.x, angular.y, angular.z)),
                                   matrix_from_rpy((0.1, 0.2, 0.3))) < 1e-9
-    theirs = convert.tool_position(STATE, None, "base_link", True).twist
+    theirs = convert.tool_position(convert.tool_twist(STATE, True), None, "base_link").twist
     assert (theirs.linear.x, theirs.linear.y, theirs.linear.z) == pytest.approx((400.0, -100.0, 300.0))
     assert (theirs.angular.x, theirs.angular.z) == pytest.approx((math.degrees(0.1), math.degrees(0.3)))
-    assert convert.tool_position(RobotState(tuple(HOME), True, True, True, False, False), None, "b", False) is None
+    assert convert.tool_twist(RobotState(tuple(HOME), True, True, True, False, False), False) is None
 
 
 def test_the_vendors_tool_position_of_2025_is_mm_and_a_quaternion():
-    message = convert.tool_pose(STATE, None, "user_frame_3")
+    message = convert.tool_position_2025(convert.tool_pose(STATE), None, "user_frame_3")
     assert message.header.frame_id == "user_frame_3"
     p, q = message.pose.position, message.pose.orientation
     assert (p.x, p.y, p.z) == pytest.approx((400.0, -100.0, 300.0))
@@ -372,20 +372,22 @@ def test_the_vendors_tool_position_of_2025_is_mm_and_a_quaternion():
     assert q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w == pytest.approx(1.0, abs=1e-12)
     assert 2.0 * (q.x * q.y + q.z * q.w) == pytest.approx(turn[3], abs=1e-9)
     assert 2.0 * (q.y * q.z - q.x * q.w) == pytest.approx(turn[5], abs=1e-9)
-    assert convert.tool_pose(RobotState(tuple(HOME), True, True, True, False, False), None, "b") is None
+    assert convert.tool_pose(RobotState(tuple(HOME), True, True, True, False, False)) is None
 
 
 def test_robot_states():
+    def states(*conditions):
+        return convert.robot_states(convert.robot_conditions(*conditions))
     collided = RobotState(tuple(HOME), True, False, True, False, True)
-    message = convert.robot_states(collided, True, False)
+    message = states(collided, True, False)
     assert (message.motion_state, message.power_state, message.servo_state, message.collision_state) == (4, 1, 1, 1)
-    assert convert.robot_states(collided, True, True).servo_state == 0
-    assert convert.robot_states(STATE, False, True).servo_state == 1
-    assert convert.robot_states(STATE, False, False).servo_state == 0
-    assert convert.robot_states(collided, True, False, True).motion_state == 4, "an alarm is shown whatever streams"
+    assert states(collided, True, True).servo_state == 0
+    assert states(STATE, False, True).servo_state == 1
+    assert states(STATE, False, False).servo_state == 0
+    assert states(collided, True, False, True).motion_state == 4, "an alarm is shown whatever streams"
     for is_in_position in (True, False):
         shown = replace(STATE, is_in_position=is_in_position)
-        assert [convert.robot_states(shown, True, False, moves).motion_state for moves in (True, False, None)] == [
+        assert [states(shown, True, False, moves).motion_state for moves in (True, False, None)] == [
             3, 0, 0 if is_in_position else 3]
 
 

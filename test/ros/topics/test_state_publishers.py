@@ -6,6 +6,7 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import IDENTITY
+from jaka_ros_driver.ros.packed import PackedLayout
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import state_publishers
 from jaka_ros_driver.state import RobotState
@@ -35,6 +36,28 @@ class Topic:
         self.messages.append(message)
 
 
+class Packed:
+    """A packed topic that makes every message, and holds the numbers beside it against the message's own."""
+
+    def __init__(self, topic, fields):
+        self._topic = topic
+        self._fields = fields
+        self._shapes = {}
+
+    def is_heard(self):
+        return bool(self._topic.listeners)
+
+    def publish(self, shape, make, numbers):
+        message = make()
+        layout = PackedLayout(message)
+        assert (layout.numbers, layout.fields) == (numbers, self._fields)
+        if hasattr(message, "header"):
+            message.header.seq = 0
+        same = self._shapes.setdefault(shape, layout)
+        assert same.pack(0, numbers) == layout.pack(0, numbers), "another text or length, and the same shape"
+        self._topic.publish(message)
+
+
 class Bench:
     """The publishers on an arm whose states the test gives.
 
@@ -48,6 +71,7 @@ class Bench:
     def __init__(self, monkeypatch, **parameters):
         self.topics = {}
         monkeypatch.setattr(state_publishers, "_publisher", lambda name, _: self.topics.setdefault(name, Topic()))
+        monkeypatch.setattr(state_publishers, "PackedTopic", Packed)
         monkeypatch.setattr(state_publishers, "ros_clock", lambda: lambda: 10 ** 18)
         self.arm = SimpleNamespace(
             settings=SimpleNamespace(feed_period=0.008), model=load_model("zu7"), is_servo_active=False,
@@ -105,7 +129,7 @@ def test_a_message_that_nobody_listens_to_is_not_made(bench, monkeypatch):
     bench.feed(1)
     for topic in bench.topics.values():
         topic.listeners = 0
-    for name in ("tool_position", "joint_position", "robot_states", "transform_message"):
+    for name in ("tool_twist", "joint_position", "robot_conditions", "transform_message"):
         monkeypatch.setattr(state_publishers.convert, name, lambda *_: pytest.fail("a message was made for nobody"))
     bench.feed(10)
     bench.publishers.run(bench.now + 0.01)
@@ -141,3 +165,14 @@ def test_the_transforms_are_those_of_flange_tool_and_user_frame_as_far_as_they_a
         setattr(bench.frames, name, lambda state: None)
     transforms = bench.feed(1).newest("/tf").transforms
     assert ["%s %s" % (one.header.frame_id, one.child_frame_id) for one in transforms] == links
+
+
+@pytest.mark.parametrize("interface", ["documented", "vendor", "vendor_2025"])
+def test_what_is_packed_is_what_the_messages_say_whatever_changes(monkeypatch, interface):
+    bench = Bench(monkeypatch, interface=interface)
+    for fields in ({}, {"user_frame_id": 0}, {"joint_velocity": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)}, {"is_powered": False},
+                   {"protective_stop": True}, {"joint_position": (0.0,) * 6, "tcp_rpy": (1.0, -0.5, 3.0)}) * 3:
+        bench.feed(1, **fields)
+    assert set(bench.counts().values()) == {18}
+    vendor = "pose" if interface == "vendor_2025" else "twist"
+    assert hasattr(bench.newest("~tool_position"), vendor)

@@ -18,6 +18,7 @@ from .core import logwarn as logwarn
 from .core import logwarn_throttle as logwarn_throttle
 from .core import signal_shutdown as signal_shutdown
 from .exceptions import ROSException as ROSException
+from .exceptions import ROSSerializationException as ROSSerializationException
 from .impl.tcpros_service import Service as Service
 from .impl.tcpros_service import ServiceProxy as ServiceProxy
 from .impl.tcpros_service import wait_for_service as wait_for_service

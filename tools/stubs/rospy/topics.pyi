@@ -61,8 +61,12 @@ class _TopicImpl:
     # Each has the methods of a transport.
     connections: list[Any]
     ref_count: int
+    closed: bool
+    seq: int
 
 class _PublisherImpl(_TopicImpl):
+    message_data_sent: int
+    publock: threading.RLock | None
     queue_size: int | None
     def add_connection(self, c: Any) -> bool: ...
 
