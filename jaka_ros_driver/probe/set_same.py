@@ -20,6 +20,8 @@ from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, encode_object
 from jaka_ros_driver.state import FRESH_S, IoBank, Vector, unrest
 
+HOLD_S = 1.0
+"""Time, s, for which an output has its other value."""
 SETTINGS: Dict[str, str] = {
     "set_payload": "the payload that it has",
     "set_clsn_sensitivity": "the collision level that it has",
@@ -29,7 +31,7 @@ SETTINGS: Dict[str, str] = {
     "set_user_offsets": "zero, of user frames that are zero and not active; one of them 1 mm and 2 mm along x, to "
                         "learn which spelling of its key is read, and zero again",
     "torque_control_enable": "off, while hand guiding is off",
-    "set_digital_output": "the cabinet's output of --output alone: the other value for %.0f s, and back",
+    "set_digital_output": "the cabinet's output of --output alone: the other value for %.0f s, and back" % HOLD_S,
 }
 """All commands that set, and to what."""
 READ_BACK: FrozenSet[str] = frozenset((
@@ -37,8 +39,6 @@ READ_BACK: FrozenSet[str] = frozenset((
     "get_user_offsets", "get_drag_status", "get_digital_output"))
 """All commands that read, before and after."""
 DRAG_COMMAND = "torque_control_enable"
-HOLD_S = 1.0
-"""Time, s, for which an output has its other value."""
 _ANSWER_S, _SLOW_S = 3.0, 15.0
 """Patience, s, with a reply; with one that may wait for what it begins."""
 _GLANCE_S = 0.01
@@ -247,7 +247,7 @@ def set_same(desk: Desk, facts: Facts, back: SetBack, output: Optional[int], ask
     if missing is not None and missing.value is not None and facts["drag_command"].value == "not known":
         facts["commands_missing"] = missing._replace(value=sorted({*missing.value, DRAG_COMMAND}))
     if output is not None:
-        tell("set_digital_output: %s" % SETTINGS["set_digital_output"] % HOLD_S)
+        tell("set_digital_output: %s" % SETTINGS["set_digital_output"])
         desk.require_rest()
         _switch_output(desk, facts, back, output, ask_person)
 

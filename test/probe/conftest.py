@@ -1,9 +1,15 @@
 """Fixtures of the tests of jaka_probe."""
 import contextlib
 import signal
+import sys
+from pathlib import Path
 
 import pytest
 from probe_bench import Controller
+
+HERE = str(Path(__file__).resolve().parent)
+if HERE not in sys.path:  # virtual_probe lies beside the tests of this folder
+    sys.path.insert(0, HERE)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from command_places import command_of
-from probe_bench import WAIT, command, facts_in, probe, wrong
+from probe_bench import MAY_SEND, WAIT, command, facts_in, probe, wrong
 from raw_client import RawClient
 
 from jaka_ros_driver.probe import ask as questions
@@ -22,7 +22,7 @@ from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.look import KNOWN, OMITTED, HeardFeed, feed_facts
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, KeptPiece, hidden, without_identity
-from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS
+from jaka_ros_driver.probe.set_same import READ_BACK
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 from jaka_ros_driver.state import RobotState
@@ -76,7 +76,7 @@ def test_each_dimension_that_it_can_see_is_found_and_nothing_is_moved_or_left_ot
     assert len(found["same_values"].value) == 4, found["same_values"].how
     assert report.firmware_of(found) == firmware
     assert wrong(dict(found, error_code=Fact("neither", "")), dialect), "a wrong fact must be noticed"
-    assert set(arm.sent()) == {*QUESTIONS, UNKNOWN_COMMAND, "malformed", *SETTINGS, *READ_BACK}
+    assert set(arm.sent()) == MAY_SEND[ProbeStage.SET]
     assert arm.is_at_rest_throughout()
 
 
@@ -103,7 +103,7 @@ def test_a_stage_sends_what_it_says_and_nothing_else(tmp_path, controller):
     asked = controller()
     done = probe(tmp_path / "ask", asked.ports)
     names = asked.sent()
-    assert set(names) == {*QUESTIONS, UNKNOWN_COMMAND, "malformed"} and asked.status_bytes() == 0
+    assert set(names) == MAY_SEND[ProbeStage.ASK] and asked.status_bytes() == 0
     assert all(name.startswith(("get_", "is_")) for name in {*QUESTIONS, UNKNOWN_COMMAND})
     assert "18 questions that read" in done.stdout, "each stage is told before it begins"
 

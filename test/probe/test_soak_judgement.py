@@ -35,10 +35,10 @@ class EndedEarly:
         return 1
 
 
-def run(soak, monkeypatch, path):
-    """Return the complaints about a run that ended early, and whose arm moved so: (s, joints)."""
+def run(soak, monkeypatch, path, sent=("joint_move", "malformed")):
+    """Return the complaints about a run that ended early, and whose arm moved so, (s, joints), after these requests."""
     arm = SimpleNamespace(log="none", ports=dict.fromkeys(("command_port", "status_port", "poll_port"), 1),
-                          close=lambda: None)
+                          close=lambda: None, sent=lambda: list(sent))
     monkeypatch.setattr(soak, "start", lambda folder, seed: (arm, Dialect.default("1.7.2")))
     monkeypatch.setattr(soak, "ProbeOnTerminal", EndedEarly)
     monkeypatch.setattr(soak, "time", SimpleNamespace(monotonic=lambda: 100.0, sleep=lambda seconds: None))
@@ -60,6 +60,12 @@ def turned(joint, degrees, at):
 def test_a_run_that_ended_early_has_not_failed_where_its_arm_rests_in_its_room(soak, monkeypatch, capsys):
     assert run(soak, monkeypatch, [turned(5, 0.0, 50.0), turned(5, 2.0, 60.0), turned(5, 2.0, 106.0)]) == []
     assert "dialect 3 ended early, before step" in capsys.readouterr().out
+
+
+def test_a_request_that_no_list_has_is_a_complaint(soak, monkeypatch):
+    path = [turned(5, 0.0, 50.0), turned(5, 0.0, 106.0)]
+    assert ["was sent power_on, which no list has" in why for why in run(soak, monkeypatch, path, ["power_on"])] == [
+        True]
 
 
 @pytest.mark.parametrize("path, reason", [

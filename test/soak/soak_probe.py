@@ -3,8 +3,8 @@
     build/venv/bin/python3 test/soak/soak_probe.py [DIALECTS [FIRST [AT_ONCE]]]        100, from 0, 4 at once
 
 The stages are those that move nothing. Each dialect takes twenty seconds, most of them waiting. Prints what is wrong or
-not settled, and a tally; exit code 1 where less than 98 % is right, something is wrong and not just open, or an arm
-moved. For the stage that moves there is soak_probe_move.py.
+not settled, and a tally; exit code 1 where less than 98 % is right, something is wrong and not just open, an arm
+moved, or was sent what no list of a stage has. For the stage that moves there is soak_probe_move.py.
 """
 import collections
 import concurrent.futures
@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
 
-from probe_bench import Controller, facts_in, probe, wrong  # noqa: E402
+from probe_bench import MAY_SEND, Controller, facts_in, probe, wrong  # noqa: E402
 
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage  # noqa: E402
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
@@ -34,6 +34,7 @@ def run(folder, seed):
     found = facts_in(out)
     mistakes = wrong(found, Dialect.from_seed(seed, firmware))
     mistakes += [] if arm.is_at_rest_throughout() else ["the arm moved"]
+    mistakes += ["sent %s, which no list has" % name for name in sorted(set(arm.sent()) - MAY_SEND[ProbeStage.SET])]
     open_ones = sorted("%s (%s)" % (name, found[name].how if name in found else "never") for name in SEEN
                        if name not in found or found[name].value is None)
     lines = ["dialect %d of %s, exit code %d: wrong %s, not settled %s" % (

@@ -5,8 +5,8 @@
 KILLS runs are ended at a random moment of a random step: killed, frozen for good, by SIGTERM or by Ctrl-C. DIALECTS
 runs go to their end, and what they found is compared. Each run is a drawn dialect of the simulated controller and takes
 one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, and a
-tally. Exit code 1 where an arm did not rest or left its room, something is wrong and not just open, a stated error of
-the twin does not hold, or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open,
+tally. Exit code 1 where an arm did not rest, left its room or was sent what no list of a stage has, something is wrong
+and not just open, a stated error of the twin does not hold, or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open,
 these two do not count. A run that ends before its moment, as on a busy host, is printed, and judged by the arm's own
 log all the same.
 """
@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
 
-from probe_bench import Controller, ProbeOnTerminal, command, facts_in, wrong  # noqa: E402
+from probe_bench import MAY_SEND, Controller, ProbeOnTerminal, command, facts_in, wrong  # noqa: E402
 from twin_check import missed, way_back  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
@@ -63,6 +63,7 @@ def complaints(arm, ended):
     rest = verdict.rest_after(ended - 60.0)
     if rest > ended + STOPPED_WITHIN_S:
         found.append("moved until %.1f s after the end" % (rest - ended))
+    found += ["was sent %s, which no list has" % name for name in sorted(set(arm.sent()) - MAY_SEND[ProbeStage.MOVE])]
     return found
 
 

@@ -10,15 +10,21 @@ import time
 from command_places import command_of
 
 from jaka_ros_driver.probe import report
-from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS
-from jaka_ros_driver.probe.facts import DESCRIBED
-from jaka_ros_driver.probe.set_same import DRAG_COMMAND
+from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS, UNKNOWN_COMMAND
+from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
+from jaka_ros_driver.probe.move import MOVES
+from jaka_ros_driver.probe.set_same import DRAG_COMMAND, READ_BACK, SETTINGS
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
 from jaka_ros_driver.wire.log import TrueJoints, read_log
 
 WAIT = 120.0
 LONG_WAIT = 900.0
+_OF_STAGE = ((ProbeStage.LOOK, ()), (ProbeStage.ASK, (*QUESTIONS, UNKNOWN_COMMAND, "malformed")),
+             (ProbeStage.SET, (*SETTINGS, *READ_BACK)), (ProbeStage.MOVE, tuple(MOVES)))
+MAY_SEND = {stage: frozenset(name for _, names in _OF_STAGE[:number] for name in names)
+            for number, (stage, _) in enumerate(_OF_STAGE, 1)}
+"""The names of all requests that the stages up to this one may send; "malformed" is the piece that is no JSON."""
 
 
 class Controller:
@@ -104,6 +110,37 @@ def wrong(found, dialect):
             is_right = value == (sorted(true, key=DIMENSIONS[key].names.index) if isinstance(true, tuple) else true)
         rows += [] if is_right else [(key, value, true)]
     return rows
+
+
+def judged(found, mistakes, names):
+    """Return "right", "unknown" or "wrong" for the dimension of each of these facts.
+
+    mistakes: As of ``wrong``; what is no row of a dimension is left.
+    """
+    bad = {row[0] for row in mistakes if isinstance(row, tuple)}
+    verdicts = {}
+    for name in names:
+        key = DESCRIBED[name].dimension
+        is_open = name not in found or found[name].value is None
+        verdicts[key] = "unknown" if is_open else "wrong" if key in bad else "right"
+    return verdicts
+
+
+class DimensionTable:
+    """The numbers of right, open and wrong findings of each dimension of drawn controllers, as a table in Markdown."""
+
+    def __init__(self):
+        self._counts = {}
+
+    def add(self, verdicts):
+        for key, verdict in verdicts.items():
+            self._counts.setdefault(key, dict.fromkeys(("right", "unknown", "wrong"), 0))[verdict] += 1
+
+    def lines(self):
+        rows = [["`%s`" % key, *map(str, self._counts[key].values())] for key in DIMENSIONS if key in self._counts]
+        total = ["all", *(str(sum(row[one] for row in self._counts.values())) for one in ("right", "unknown", "wrong"))]
+        return ["| %s |" % " | ".join(row) for row in (
+            ["dimension", "right", "not settled", "wrong"], ["---"] * 4, *rows, total)]
 
 
 class ProbeOnTerminal:
