@@ -2,6 +2,7 @@
 
 facts               what can be settled, what each means, and which dimension of the simulated controller it sets
 recorded            connections whose every byte is kept for the wire log
+fields              types and ranges of the fields of frames and replies, and which of them is a clock
 look                the stage that sends nothing: the status feed
 ask                 the stage that reads values on the command port; ``QUESTIONS`` and ``ask.ODD`` are all that it sends
 set_same            the stage that sets values to what they are; ``SETTINGS`` and ``READ_BACK`` are all that it sends

@@ -11,7 +11,8 @@ from typing import Any, Callable, Dict, FrozenSet, List, NamedTuple, Optional, S
 from jaka_ros_driver.commands import Pose, Query
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.probe.facts import Fact, Facts
-from jaka_ros_driver.probe.look import HeardFeed, listen, model_fact
+from jaka_ros_driver.probe.fields import reply_types
+from jaka_ros_driver.probe.look import HeardFeed, kinematics_facts, listen
 from jaka_ros_driver.probe.recorded import ConnectionLog, KeptConnection, quantile
 from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_object
@@ -143,7 +144,8 @@ def ask(record: ConnectionLog, facts: Facts, command_port: int, feed: Optional[H
     tell("%d questions, one after the other" % len(QUESTIONS))
     replies = {name: asked.ask(name) for name in QUESTIONS}
     facts.update(_reply_facts(replies))
-    facts["model"] = _model(feed, replies)
+    facts.update(kinematics_facts(feed, frames_of(Query.TOOL_FRAMES, replies["get_tool_offsets"].content),
+                                  frames_of(Query.USER_FRAMES, replies["get_user_offsets"].content)))
     tell("two questions as one piece, one in two pieces, a name that nobody knows")
     answers_all = all(reply.content is not None for reply in replies.values())
     facts.update(_framing_facts(asked, answers_all))
@@ -184,6 +186,7 @@ def _reply_facts(replies: Dict[str, TimedReply]) -> Facts:
         "reply_time": Fact(round(quantile(times, 0.5), 5), how, "%.4f to %.4f" % (min(times), max(times))),
         "error_code": _choice({str: "text", int: "number"}, codes, how),
         "reply_fields_unknown": Fact(extra, how),
+        "reply_types": Fact(reply_types(contents), how),
         "commands_missing": Fact(missing, how) if len(contents) == len(replies) else Fact(
             None, "%s; code 1: %s" % (how, ", ".join(missing) or "none")),
         "version": _text(known.get("get_version", {}).get("version"), "as it answers"),
@@ -232,11 +235,6 @@ def _sensitivity_key(reply: JsonObject) -> Fact:
     if not keys:
         return Fact(None, "no such reply")
     return Fact(keys[0] if len(keys) == 1 else "both", ", ".join(keys))
-
-
-def _model(feed: Optional[HeardFeed], replies: Dict[str, TimedReply]) -> Fact:
-    return model_fact(feed, frames_of(Query.TOOL_FRAMES, replies["get_tool_offsets"].content),
-                      frames_of(Query.USER_FRAMES, replies["get_user_offsets"].content))
 
 
 def frames_of(query: Query, reply: Optional[JsonObject]) -> Optional[Tuple[Pose, ...]]:

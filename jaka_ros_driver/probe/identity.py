@@ -17,6 +17,11 @@ _KINDS: Dict[str, "re.Pattern[str]"] = {
 }
 
 
+def is_naming(name: str) -> bool:
+    """Return whether a field of this name is one whose value names an arm, a computer or a person."""
+    return bool(_MAKERS.search(name))
+
+
 def identity_in(report: Dict[str, Any]) -> List[str]:
     """Return a line for each place of a probe.json's content that may name an arm, a computer or a person.
 
@@ -28,7 +33,7 @@ def identity_in(report: Dict[str, Any]) -> List[str]:
             text = re.sub(r"^\d+(?:[._]\d+)*", "", text)
         found += ["%s: %s, %r" % (path.lstrip("."), kind, match.group())
                   for kind, pattern in _KINDS.items() for match in pattern.finditer(text)]
-        if _MAKERS.search(path.rpartition(".")[2]) and not _HIDDEN.match(text):
+        if is_naming(path.rpartition(".")[2]) and not _HIDDEN.match(text):
             found.append("%s: a field that names something, %r" % (path.lstrip("."), text))
     return found
 
@@ -42,5 +47,5 @@ def _texts(value: Any, path: str) -> Iterator[Tuple[str, str]]:
     elif isinstance(value, (list, tuple)):
         for one in value:
             yield from _texts(one, path)
-    elif isinstance(value, str) or _MAKERS.search(path.rpartition(".")[2]):
+    elif isinstance(value, str) or is_naming(path.rpartition(".")[2]):
         yield path, str(value)

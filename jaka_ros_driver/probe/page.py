@@ -1,8 +1,9 @@
 """The report of a probe as one page: no script, nothing from elsewhere, every text escaped."""
 import html
-from typing import Any, Iterator, List, Mapping, Sequence
+from typing import Any, Iterator, List, Mapping, Sequence, Tuple
 
 from jaka_ros_driver.probe.facts import DESCRIBED, Facts
+from jaka_ros_driver.probe.fields import TABLES
 from jaka_ros_driver.probe.report import differences, firmware_of, words
 from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
 
@@ -55,7 +56,7 @@ def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
     yield "<h2>Settled</h2>"
     yield _table(("what", "found", "how"), [
         (DESCRIBED[name].meaning, _value(facts, name), "; ".join(filter(None, [facts[name].how, facts[name].spread])))
-        for name in settled])
+        for name in settled if name not in TABLES])
     yield "<h2>Not settled</h2>"
     yield _table(("what", "why"), [(DESCRIBED[name].meaning, facts[name].how)
                                    for name in DESCRIBED if name in facts and name not in settled])
@@ -65,6 +66,19 @@ def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
     yield "<h2>Statements of the documents that were not seen</h2>"
     yield _table(("the documents say",), [
         (_statement(number),) for number in STATEMENTS if judged[number] is Verdict.NOT_SEEN])
+    for name in [name for name in TABLES if name in settled]:
+        described, fact = DESCRIBED[name].meaning, facts[name]
+        yield "<h2>%s</h2><p>%s</p>" % (_text(described[0].upper() + described[1:]), _text(fact.how))
+        yield _table(*_rows_of_table(name, fact.value))
+
+
+def _rows_of_table(name: str, value: Mapping[str, Any]) -> Tuple[Sequence[str], List[Sequence[str]]]:
+    """Return head and rows of a fact that is a table."""
+    if name == "reply_types":
+        return ("command", "key", "type"), [
+            (command, key, kind) for command, keys in value.items() for key, kind in keys.items()]
+    return ("field", "type", "from", "to"), [
+        (field, kind, *("" if one is None else "%g" % one for one in ends)) for field, (kind, *ends) in value.items()]
 
 
 def _statement(number: str) -> str:

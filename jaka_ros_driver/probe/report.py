@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Mapping, Sequence
 from jaka_ros_driver import __version__
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, Facts, ProbeStage
+from jaka_ros_driver.probe.fields import TABLES, different_types, is_table
 from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Choice, Range, Subset
 from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMAT
@@ -95,6 +96,8 @@ def facts_of(content: Mapping[str, Any]) -> Facts:
 
 def _other_kind(name: str, value: Any) -> str:
     """Return what kind of value a fact must have; "" where this is one. Which one of the kind it is does not matter."""
+    if name in TABLES:
+        return "" if is_table(name, value) else "a table of types"
     dimension = DIMENSIONS.get(DESCRIBED[name].dimension)
     if DESCRIBED[name].unit or isinstance(dimension, Range):
         return "" if type(value) in (int, float) and abs(value) <= _LARGEST else "a number"
@@ -173,7 +176,9 @@ def _wrapped(line: str) -> List[str]:
 
 
 def words(value: Any) -> str:
-    """Return a value for the reader."""
+    """Return a value for the reader; of a table, how many rows it has."""
+    if isinstance(value, dict):
+        return "%d, in probe.html and probe.json" % len(value)
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value)) if value else "none"
     if isinstance(value, bool):
@@ -203,7 +208,10 @@ def difference(one: Facts, other: Facts) -> List[str]:
     lines: List[str] = []
     for name in DESCRIBED:
         a, b = (facts.get(name, Fact(None, "")).value for facts in (one, other))
-        if a != b and not _is_chance(name, a, b):
+        if name in TABLES and isinstance(a, dict) and isinstance(b, dict):
+            lines += [row for line in different_types(name, a, b)
+                      for row in _wrapped("%s: %s" % (DESCRIBED[name].meaning, line))]
+        elif a != b and not _is_chance(name, a, b):
             lines += _wrapped("%s: %s and %s" % (DESCRIBED[name].meaning, words(a), words(b)))
     return lines
 

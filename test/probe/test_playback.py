@@ -10,7 +10,7 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import model_names
 from jaka_ros_driver.probe import report
-from jaka_ros_driver.probe.ask import Questioner, ask
+from jaka_ros_driver.probe.ask import QUESTIONS, Questioner, ask
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
 from jaka_ros_driver.probe.look import KNOWN, OMITTED, look
 from jaka_ros_driver.probe.recorded import ConnectionLog
@@ -19,9 +19,11 @@ from jaka_ros_driver.protocol.framing import ObjectStream
 DATA = Path(__file__).resolve().parents[1] / "data"
 RECORDS = {path.stem: json.loads(path.read_text(encoding="utf-8"))
            for path in sorted((DATA / "playback").glob("*.json"))}
-OF_THE_PLAYER = {"polled_port", "second_status_client", "second_client", "reply_time", "reply_time_p99", "poll_rate",
-                 "feed_under_polling", "feed_longest_gap", "feed_period"}
+OF_THE_PLAYER = {"polled_port", "frame_clock", "second_status_client", "second_client", "reply_time", "reply_time_p99",
+                 "poll_rate", "feed_under_polling", "feed_longest_gap", "feed_period"}
 """Facts that this command makes up itself: whom it serves, and when."""
+TABLES = {"frame_fields", "reply_types"}
+"""Facts that tell of all that is in the record, whatever it is."""
 OF_PART_OF_A_FRAME = {"frame_bytes", "frame_fields_missing"}
 """Facts that a frame does not hold of which only some fields are known."""
 PATIENCE_S = 0.3
@@ -112,7 +114,7 @@ def found(monkeypatch):
 
 def settled(facts, record):
     """Return the settled facts that are not those of the player."""
-    known = OF_THE_PLAYER | (OF_PART_OF_A_FRAME if "frame" in record else set())
+    known = OF_THE_PLAYER | TABLES | (OF_PART_OF_A_FRAME if "frame" in record else set())
     return {name: fact.value for name, fact in facts.items() if fact.value is not None and name not in known}
 
 
@@ -124,6 +126,11 @@ def test_what_a_record_holds_is_found_and_nothing_else(found, name):
     if "feed_period" in record["facts"] and facts["feed_period"].value is not None:  # a busy host has no period
         assert facts["feed_period"].value == pytest.approx(record["facts"]["feed_period"], abs=0.01)
     assert all(facts[name].how for name in facts if facts[name].value is None), "what is open has its reason"
+    asked = set(record["replies"]) & set(QUESTIONS)
+    assert set(facts["reply_types"].value) == asked if asked else "reply_types" not in facts
+    fields = facts["frame_fields"].value or {}
+    assert set(fields) == set(json.loads(frame_of(record) or b"{}"))
+    assert not fields or fields["joint_actual_position"][0] == "list of 6: number"
 
 
 @pytest.mark.parametrize("name", RECORDS)
