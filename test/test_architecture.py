@@ -243,8 +243,9 @@ def test_commands_and_plugins_are_there():
         return re.findall(r"\w=\"?((?:%s)[\w.]*:\w+|(?:%s)[\w.]+)" % (("|".join(PACKAGES),) * 2),
                           ROOT.joinpath(*path).read_text().replace(" = ", "="))
     commands = entries("CMakeLists.txt")
-    scripts = [entry for entry in entries("tools", "pyproject.toml") if ":" in entry]
-    assert len(commands) == 10 and len(scripts) == 2
+    scripts = [entry for path in (("tools",), ("tools", "probe")) for entry in entries(*path, "pyproject.toml")
+               if ":" in entry]
+    assert len(commands) == 10 and len(scripts) == 4
     for entry in commands + scripts + entries("setup.cfg"):
         module, _, function = entry.partition(":")
         names = {node.name for node in parse(source_of(module)).body if isinstance(node, ast.FunctionDef)}
