@@ -18,7 +18,7 @@ from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 from jaka_ros_driver.simulation.simulated_controller import SINGLE_CLIENT, SimulatedController
-from jaka_ros_driver.units import deg_to_rad
+from jaka_ros_driver.units import deg_to_rad, s_to_ms
 from jaka_ros_driver.wire import proxy
 from jaka_ros_driver.wire.sockets import LOOPBACK
 from jaka_ros_driver.wire.startup import port_number, print_ports, raise_priority, stop_on_signals
@@ -49,6 +49,7 @@ def _serve(arguments: List[str]) -> int:
               % options.host, file=sys.stderr)
     try:
         settings.update(_as_told(settings.pop("like"), options.dialect, settings.pop("dialect_seed"), options))
+        del settings["reply_delay"]
         path = settings.pop("begin_with")
         arm = SimulatedController(**settings, beginning=Beginning.from_file(path) if path else None)
         stop_on_signals(arm.stop)
@@ -62,17 +63,21 @@ def _serve(arguments: List[str]) -> int:
 
 def _as_told(like: Optional[str], path: Optional[str], seed: Optional[int],
              options: argparse.Namespace) -> Dict[str, Any]:
-    """Return firmware, model, dialect and deceleration, of a report where there is one."""
+    """Return firmware, model, dialect, delays and deceleration, of a report where there is one."""
+    delay = options.reply_delay
     if like is None:
         firmware = options.firmware or _FIRMWARE
-        return {"firmware": firmware, "model": options.model or _MODEL, "dialect": _dialect(path, seed, firmware)}
+        return {"firmware": firmware, "model": options.model or _MODEL, "dialect": _dialect(path, seed, firmware),
+                "reply_delays": (delay or 0.0,) * 2}
     found = like_controller(like, options.firmware)
     model, rate = options.model or found.model or _MODEL, found.stop_deceleration
-    print("jaka_sim: like %s: firmware %s, model %s, stops at %s, dialect %s" % (
-        like, found.firmware, model, "the model's deceleration" if rate is None else "%.1f deg/s2" % rate,
-        json.dumps(found.dialect.as_dict())), file=sys.stderr)
+    delays = found.reply_delays if delay is None else (delay,) * 2
+    print("jaka_sim: like %s: firmware %s, model %s, stops at %s, answers after %.1f ms, one of 50 after %.1f ms, "
+          "dialect %s" % (like, found.firmware, model, "the model's deceleration" if rate is None else
+                          "%.1f deg/s2" % rate, s_to_ms(delays[0]), s_to_ms(delays[1]),
+                          json.dumps(found.dialect.as_dict())), file=sys.stderr)
     return {"firmware": found.firmware, "model": model, "dialect": found.dialect,
-            "stop_deceleration": None if rate is None else deg_to_rad(rate)}
+            "reply_delays": delays, "stop_deceleration": None if rate is None else deg_to_rad(rate)}
 
 
 def _dialect(path: Optional[str], seed: Optional[int], firmware: str) -> Dialect:
@@ -126,6 +131,8 @@ def _serving_parser() -> argparse.ArgumentParser:
                         "collision level, speed override and terminals at the start; see docs/simulation.md")
     parser.add_argument("--power-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
     parser.add_argument("--enable-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
+    parser.add_argument("--reply-delay", type=float, metavar="S", help="how much later than at once each reply comes, "
+                        "simulated s; default 0, or as late as those of --like")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the wire faults, default 0")
     parser.add_argument("--identity", metavar="TOKEN",
                         help="what it answers to get_simulator_identity, default one that no other has")

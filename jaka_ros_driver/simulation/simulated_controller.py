@@ -11,7 +11,7 @@ import math
 import re
 import threading
 import uuid
-from typing import Any, Dict, Optional, Type
+from typing import Any, Dict, Optional, Tuple, Type
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
@@ -21,6 +21,7 @@ from jaka_ros_driver.simulation.controller.beginning import Beginning
 from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Options, Start
+from jaka_ros_driver.simulation.dialect.like import LONGEST_REPLY_DELAY_S
 from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED, REPLACES, Dialect
 from jaka_ros_driver.simulation.server import operator_actions
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
@@ -54,7 +55,7 @@ class SimulatedController:
                  poll_port: int = 0, operator_port: Optional[int] = 0, identity: Optional[str] = None,
                  io_index_base: Optional[int] = None, force_sensor: bool = False,
                  beginning: Optional[Beginning] = None, stop_deceleration: Optional[float] = None,
-                 panel_port: Optional[int] = 0) -> None:
+                 reply_delays: Tuple[float, float] = (0.0, 0.0), panel_port: Optional[int] = 0) -> None:
         """Listen on the ports.
 
         Args:
@@ -81,6 +82,8 @@ class SimulatedController:
             beginning: Joints, tool, user frame, load and terminals at the start; None for the usual ones.
             stop_deceleration: Of joint 6 in a stop, rad/s2, which scales those of all joints; None, and what is more
                 than the model allows: as the model allows.
+            reply_delays: How much later than at once a reply comes, s of simulated time; the second is that of one of
+                fifty, so that 99 of 100 come within it.
             panel_port: The former name of operator_port, which it replaces where it is not 0.
 
         Raises:
@@ -100,6 +103,8 @@ class SimulatedController:
         delays = {"power_delay": power_delay, "enable_delay": enable_delay}
         if any(delay is not None and not 0.0 <= delay < math.inf for delay in delays.values()):
             raise InvalidCommand("delays must be finite and not negative")
+        if not all(0.0 <= delay <= LONGEST_REPLY_DELAY_S for delay in reply_delays):
+            raise InvalidCommand("reply delays are %r; each must be 0 to %g s" % (reply_delays, LONGEST_REPLY_DELAY_S))
         self.dialect = dataclasses.replace(
             (dialect or Dialect.default(firmware)).replaced(_given(instead)), **_given(delays))
         options = Options(self.dialect, _one_of("start", start, {s.value: s for s in Start}),
@@ -116,7 +121,7 @@ class SimulatedController:
         self._thread: Optional[threading.Thread] = None
         try:
             self.server = ControllerServer(
-                controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
+                controller, host, ports, time_scale=time_scale, seed=seed, log=self._log, reply_delays=reply_delays,
                 operator_handler=lambda request: operator_actions.handle(self.server, request))
         except OSError:
             self._close_log()

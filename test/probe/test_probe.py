@@ -110,9 +110,12 @@ def test_a_stage_sends_what_it_says_and_nothing_else(tmp_path, controller):
 
 def test_a_twin_made_of_its_report_is_the_same_to_it(tmp_path, controller):
     first, twin = tmp_path / "first", tmp_path / "twin"
-    assert probe(first, controller("--dialect-seed", "38", "--firmware", "1.7.2").ports).returncode == 0
+    arm = controller("--dialect-seed", "38", "--firmware", "1.7.2", "--reply-delay", "0.03")
+    assert probe(first, arm.ports).returncode == 0
     like = controller("--like", str(first / "probe.json"))
     assert probe(twin, like.ports).returncode == 0
+    late = [facts_in(folder)["reply_time"].value for folder in (first, twin)]
+    assert min(late) >= 0.03 and late[1] < 2.5 * late[0], "its replies come as late"
     compare = [*command_of("jaka_probe"), "diff", str(first / "probe.json")]
     same = subprocess.run([*compare, str(twin / "probe.json")], stdout=subprocess.PIPE, text=True, timeout=WAIT)
     differences = [line for line in same.stdout.splitlines() if "not settled" not in line]  # a busy host has no period

@@ -36,6 +36,8 @@ _MAX_CLIENTS = 32
 """Most connections of a port; one more ends the one that is needed least."""
 _IDLE_S = 1.0
 """Longest wait, s, where nothing is due."""
+_LATE_EVERY = 50
+"""One of so many replies has the longer of the two delays: 99 of 100 then come within it."""
 _COMPRESSION = 1
 """Level of zlib: the fastest, because nobody else is served meanwhile."""
 _LONGEST_ANSWER = 1 << 18
@@ -56,7 +58,7 @@ class ControllerServer:
     """
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
-                 seed: int = 0, log: Optional[WireLog] = None,
+                 seed: int = 0, log: Optional[WireLog] = None, reply_delays: Tuple[float, float] = (0.0, 0.0),
                  operator_handler: Optional[OperatorHandler] = None) -> None:
         """Listen; raise OSError where a port cannot be bound.
 
@@ -67,12 +69,15 @@ class ControllerServer:
             time_scale: Simulated seconds a wall second.
             seed: Of the random generator of the wire faults.
             log: Receives every byte.
+            reply_delays: Delays of replies, s of simulated time: the usual one, and that of one of fifty.
             operator_handler: Answers the operator port's requests.
         """
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
         self._log = log
+        self._reply_delays = tuple(delay / time_scale for delay in reply_delays)
+        self._replies = 0
         self._operator_handler = operator_handler
         self._selector = selectors.EpollSelector()
         self._listeners = Listeners(self._selector)
@@ -368,7 +373,9 @@ class ControllerServer:
             self._reply(connection, result, now)
 
     def _reply(self, connection: ClientConnection, result: RequestResult, now: float) -> None:
-        connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now))
+        self._replies += 1
+        delay = self._reply_delays[self._replies % _LATE_EVERY == 0]
+        connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now + delay))
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if result.then is Then.SHUT_DOWN:

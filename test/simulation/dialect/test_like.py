@@ -30,6 +30,15 @@ def test_a_report_gives_firmware_model_dialect_and_deceleration(tmp_path):
     assert (other.firmware, other.model, other.stop_deceleration) == ("1.5.14", "", None)
 
 
+@pytest.mark.parametrize("times, delays", [
+    ((0.004, 0.012), (0.004, 0.012)), ((0.004, None), (0.004, 0.004)), ((None, 0.012), (0.0, 0.012)),
+    ((0.02, 0.01), (0.02, 0.02)), ((10 ** 400, -1.0), (0.0, 0.0)), ((math.nan, True), (0.0, 0.0)),
+    (("1", 3.5), (0.0, 0.0))])
+def test_a_report_gives_the_delays_of_replies(tmp_path, times, delays):
+    facts = {name: {"value": value} for name, value in zip(("reply_time", "reply_time_p99"), times)}
+    assert like_controller(written(tmp_path, facts=facts)).reply_delays == delays
+
+
 @pytest.mark.parametrize("changes, reason", [
     ({"format": 2}, "no probe.json"), ({"dialect": None}, "no probe.json"),
     ({"dialect": {"inpos": "often"}}, "inpos is"),

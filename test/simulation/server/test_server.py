@@ -12,9 +12,10 @@ import pytest
 from raw_client import RawClient, RawFeed, poll
 from waiting import wait_until
 
-from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.server.event_loop import ControllerServer, ask_operator_port
+from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests-2.1.11.txt"
@@ -31,6 +32,29 @@ def test_newest_client_wins_where_that_is_asked_for(make_arm):
             assert new.code("get_version") == "0"
             assert old.is_closed()
             assert new.code("get_version") == "0"
+
+
+def test_replies_come_as_late_as_they_are_to_and_requests_are_carried_out_at_once(make_arm):
+    arm, times = make_arm(time_scale=1.0, reply_delays=(0.01, 0.15)), []
+    with RawClient(arm.command_port) as client:
+        for _ in range(100):
+            begun = time.monotonic()
+            client.ask("get_version")
+            times.append(time.monotonic() - begun)
+    assert min(times) >= 0.01 and min(times[49], times[99]) >= 0.15
+    assert sorted(times)[50] < 0.1, "one of fifty is late, not more"
+    slow, begun = make_arm(time_scale=10.0, reply_delays=(3.0, 3.0)), time.monotonic()
+    with RawClient(slow.command_port) as client:
+        client.send(b'{"cmdName": "set_tool_id", "tool_id": 3}')
+        memory = slow.server.controller.state.memory
+        wait_until(lambda: slow.server.call(lambda: memory.tools.active) == 3, "it is done")
+        assert client.reply()["cmdName"] == "set_tool_id" and time.monotonic() - begun >= 0.3, "simulated time"
+
+
+@pytest.mark.parametrize("delays", [(-0.1, 0.0), (0.0, 3.1), (float("nan"), 0.0)])
+def test_a_delay_of_replies_that_is_none_is_refused(delays):
+    with pytest.raises(InvalidCommand, match="reply delays are .*each must be 0 to 3 s"):
+        SimulatedController(reply_delays=delays)
 
 
 def test_clients_coexist_and_a_short_second_connection_ends_nobodys_session(arm):
