@@ -1,9 +1,12 @@
 """Golden logs replayed: the driver of this checkout against simulated controllers."""
+import contextlib
 import dataclasses
+import json
 
 import pytest
 import yaml
 from import_graph import ROOT
+from probe_bench import Controller, probe
 
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.compare.verdict import Aspect
@@ -64,6 +67,34 @@ def changed(name, **arm):
     """Return the scenario of a golden log with something wrong at its first arm."""
     scenario = scenario_of(FOLDER / (name + ".mcap"))
     return dataclasses.replace(scenario, arms=(dataclasses.replace(scenario.arms[0], **arm),) + scenario.arms[1:])
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """Return the path of the report of a probe of the usual simulated controller, which sets and moves nothing."""
+    folder = tmp_path_factory.mktemp("probed")
+    with contextlib.closing(Controller(folder)) as arm:
+        assert probe(folder / "probe", arm.ports).returncode == 0
+    return folder / "probe" / "probe.json"
+
+
+@pytest.mark.parametrize("name", ["joint_moves", "emergency_stop", "io_sequence"])
+def test_it_happens_again_on_a_twin_of_the_arm(name, report, tmp_path):
+    before = scenario_of(FOLDER / (name + ".mcap")).arms[0].simulation
+    on_twin = changed(name, simulation=(*before, "--like", str(report)))
+    result = replay(FOLDER / (name + ".mcap"), tmp_path, load_tolerances(BUSY_HOST), 4.0, on_twin)
+    assert result.same, result.summary
+    assert "like %s" % report in (tmp_path / "simulation0.log").read_text()
+
+
+def test_a_twin_of_another_arm_is_found(report, tmp_path):
+    content = json.loads(report.read_text())
+    content["dialect"]["move_acceleration"] = 0.2
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(content))
+    on_twin = changed("joint_moves", simulation=("--start", "enabled", "--like", str(other)))
+    result = replay(FOLDER / "joint_moves.mcap", tmp_path, time_scale=4.0, scenario=on_twin)
+    assert Aspect.PACE in {check.aspect for check in result.comparison.differences}, result.summary
 
 
 @pytest.mark.parametrize("name, arm, time_scale, stages", [
