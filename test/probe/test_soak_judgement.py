@@ -6,7 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 from import_graph import ROOT
+from probe_bench import DimensionTable, judged
 
+from jaka_ros_driver.probe.facts import Fact
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.dialect.table import Dialect
 
@@ -18,6 +20,27 @@ def soak(monkeypatch):
     spec.loader.exec_module(module)
     monkeypatch.setattr(module, "WATCHED_S", 0.0)
     return module
+
+
+def test_each_dimension_is_counted_as_right_not_settled_or_wrong(soak):
+    found = {"inpos": Fact("late", ""), "error_code": Fact(None, "why"), "start_delay": Fact(1.0, "")}
+    names = ["inpos", "error_code", "start_delay", "stop_ends_jog"]
+    table = DimensionTable()
+    for mistakes in ([], [("start_delay", 1.0, 5.0), "the arm moved"]):
+        verdicts = judged(found, mistakes, names)
+        table.add(verdicts)
+    assert verdicts == {"inpos": "right", "error_code": "unknown", "start_delay": "wrong", "stop_ends_jog": "unknown"}
+    assert table.lines()[2:] == [
+        "| `start_delay` | 1 | 0 | 1 |", "| `inpos` | 2 | 0 | 0 |", "| `stop_ends_jog` | 0 | 2 | 0 |",
+        "| `error_code` | 0 | 2 | 0 |", "| all | 3 | 4 | 1 |"]
+
+
+def test_the_error_of_each_twin_is_told(soak):
+    found = {"twin_angle": Fact(0.0204, ""), "twin_time": Fact(0.0171, "")}
+    assert soak.twin_error(3, found) == "dialect 3: twin within 0.020 deg and 17 ms"
+    assert soak.twin_error(3, {"twin_angle": Fact(None, "it moves otherwise")}) == (
+        "dialect 3: twin not settled, it moves otherwise")
+    assert "the stage did not run" in soak.twin_error(3, {})
 
 
 class EndedEarly:

@@ -4,11 +4,11 @@
 
 KILLS runs are ended at a random moment of a random step: killed, frozen for good, by SIGTERM or by Ctrl-C. DIALECTS
 runs go to their end, and what they found is compared. Each run is a drawn dialect of the simulated controller and takes
-one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, and a
-tally. Exit code 1 where an arm did not rest, left its room or was sent what no list of a stage has, something is wrong
-and not just open, a stated error of the twin does not hold, or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open,
-these two do not count. A run that ends before its moment, as on a busy host, is printed, and judged by the arm's own
-log all the same.
+one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, a
+table by dimension, how far each twin is from its arm, and a tally. Exit code 1 where an arm did not rest, left its room
+or was sent what no list of a stage has, something is wrong and not just open, a stated error of the twin does not hold,
+or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open, these two do not count. A
+run that ends before its moment, as on a busy host, is printed, and judged by the arm's own log all the same.
 """
 import collections
 import concurrent.futures
@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
 
-from probe_bench import MAY_SEND, Controller, ProbeOnTerminal, command, facts_in, wrong  # noqa: E402
+from probe_bench import MAY_SEND, Controller, DimensionTable, ProbeOnTerminal, command, facts_in, judged, wrong  # noqa: E402
 from twin_check import missed, way_back  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
@@ -94,7 +94,7 @@ def killed(folder, seed):
 
 
 def whole(folder, seed):
-    """Run to the end; return what is wrong, and a tally."""
+    """Run to the end; return what is wrong, a tally, complaints, the judgements by dimension, and the twin's error."""
     arm, dialect = start(folder, seed)
     out = folder / ("whole-%d" % seed)
     terminal = ProbeOnTerminal(command(out, arm.ports, "--stage", "move"))
@@ -107,19 +107,29 @@ def whole(folder, seed):
     if found.get("twin_angle", Fact(None, "")).value is not None:
         mistakes += [("twin", why, "stated") for why in missed(
             way_back(dialect), found, FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)])]
+    table = judged(found, mistakes, seen)
     seen = [name for name in seen if name not in MAY_BE_OPEN or found.get(name, Fact(None, "")).value is not None]
     open_ones = ["%s (%s)" % (name, found[name].how if name in found else "never") for name in seen
                  if name not in found or found[name].value is None]
     lines = ["dialect %d, exit code %d: wrong %s, not settled %s" % (seed, code, mistakes, open_ones)
              ] if mistakes or open_ones or code else []
     tally = {"wrong": len(mistakes), "open": len(open_ones), "right": len(seen) - len(mistakes) - len(open_ones)}
-    return lines, tally, ["dialect %d: %s" % (seed, why) for why in complaints(arm, ended)]
+    return lines, tally, ["dialect %d: %s" % (seed, why) for why in complaints(arm, ended)], table, twin_error(
+        seed, found)
+
+
+def twin_error(seed, found):
+    """Return the line that says how far the twin of these facts is from this dialect's arm, by the report."""
+    angle, seconds = (found.get(name, Fact(None, "the stage did not run")) for name in ("twin_angle", "twin_time"))
+    if angle.value is None or seconds.value is None:
+        return "dialect %d: twin not settled, %s" % (seed, angle.how)
+    return "dialect %d: twin within %.3f deg and %.0f ms" % (seed, angle.value, 1000.0 * seconds.value)
 
 
 def main():
     words = [int(word) for word in sys.argv[1:]]
     kills, dialects, first, at_once = [*words, *(20, 10, 0, 4)[len(words):]]
-    tally, bad = collections.Counter(), []
+    tally, bad, table, errors = collections.Counter(), [], DimensionTable(), []
     with tempfile.TemporaryDirectory() as name, concurrent.futures.ThreadPoolExecutor(at_once) as pool:
         ends = [pool.submit(killed, Path(name), first + seed) for seed in range(kills)]
         wholes = [pool.submit(whole, Path(name), first + seed) for seed in range(dialects)]
@@ -127,10 +137,13 @@ def main():
             bad += run.result()
             print("\n".join(run.result()) or "at rest", flush=True)
         for run in wholes:
-            lines, counts, why = run.result()
+            lines, counts, why, found, error = run.result()
             tally.update(counts)
+            table.add(found)
+            errors.append(error)
             bad += why
             print("\n".join(lines + why) or "right", flush=True)
+    print("\n".join([*table.lines(), *errors]))
     share = tally["right"] / max(1, sum(tally.values()))
     print("%d ended, %d whole: %d did not rest in their room; %d right (%.1f %%), %d not settled, %d wrong" % (
         kills, dialects, len(bad), tally["right"], 100.0 * share, tally["open"], tally["wrong"]))
