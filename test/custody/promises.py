@@ -18,9 +18,16 @@ sys.path[:0] = [str(folder) for folder in (HERE, HERE / "rules", HERE.parent / "
 import defects  # noqa: E402
 from verdict import RULES  # noqa: E402
 
+from jaka_ros_driver.probe.statements import STATEMENTS  # noqa: E402
+
 PAGE = HERE.parents[1] / "docs" / "safety.md"
 DATA = HERE.parents[1] / "docs" / "safety.yaml"
 WIDTH = 118
+STATEMENTS_LINK = "[statements](controller-protocol.md#15-statements-that-a-probe-checks)"
+_OF_A_CONTROLLER = re.compile(
+    r"\b(?:a|the|each) (?:real )?controller (?:that |would |may |does|takes |rounds |carries )|a real one obeys",
+    re.IGNORECASE)
+"""Words with which a row tells what a controller does, which no test of this project can know of a real one."""
 
 
 class Entry(NamedTuple):
@@ -34,6 +41,8 @@ class Entry(NamedTuple):
         how: The mechanisms, a sentence or more each.
         measured: Figures; may be empty.
         limits: What it does not cover.
+        assumes: Ids of the statements of docs/controller-protocol.md section 15 on which it rests.
+        assumes_also: What else it rests on that a controller does, of which there is no statement; may be empty.
         tests: Names of the tests that show it.
         tests_note: What a reader must know of these tests; may be empty.
         rules: Names in verdict.RULES; empty for behaviour.
@@ -49,6 +58,8 @@ class Entry(NamedTuple):
     how: Tuple[str, ...]
     measured: str
     limits: Tuple[str, ...]
+    assumes: Tuple[str, ...]
+    assumes_also: str
     tests: Tuple[str, ...]
     tests_note: str
     rules: Tuple[str, ...]
@@ -67,7 +78,7 @@ class Entry(NamedTuple):
         return re.sub(r"[^\w\- ]", "", self.heading.lower()).replace(" ", "-")
 
 
-KEYS = {"id", "title", "promise", "how", "measured", "limits", "tests", "tests_note"}
+KEYS = {"id", "title", "promise", "how", "measured", "limits", "assumes", "assumes_also", "tests", "tests_note"}
 
 
 def _entry(number: str, data: Dict[str, Any], more: Tuple[str, ...]) -> Entry:
@@ -79,7 +90,8 @@ def _entry(number: str, data: Dict[str, Any], more: Tuple[str, ...]) -> Entry:
     judged_live = data.get("judged_live", {"tests": (), "what": data.get("no_rule", "")})
     return Entry(
         number, data["id"], data["title"], data.get("promise", ""), (how,) if isinstance(how, str) else tuple(how),
-        data.get("measured", ""), tuple(data.get("limits", ())), tuple(data["tests"]), data.get("tests_note", ""),
+        data.get("measured", ""), tuple(data.get("limits", ())), tuple(data.get("assumes", ())),
+        data.get("assumes_also", ""), tuple(data["tests"]), data.get("tests_note", ""),
         tuple(data.get("rules", ())), tuple(data.get("defects", ())), tuple(judged_live["tests"]), judged_live["what"])
 
 
@@ -104,6 +116,12 @@ BESIDES: Dict[str, str] = {
 def rule_of(name: str) -> str:
     """Return the rule by which a planted defect must be found; raise StopIteration for an unknown defect."""
     return next(defect.rule for defect in defects.DEFECTS if defect.make.__name__ == name)
+
+
+def unnamed_assumption(entry: Entry) -> str:
+    """Return words by which an entry rests on what a controller does without naming a statement; "" for none."""
+    found = _OF_A_CONTROLLER.search(" ".join([entry.promise, *entry.how, *entry.limits]))
+    return found.group() if found and not entry.assumes and not entry.assumes_also else ""
 
 
 def faults_of(promise: Entry) -> List[str]:
@@ -165,6 +183,12 @@ def shown(entry: Entry) -> str:
     if entry.measured:
         parts.append(_item("Measured", entry.measured))
     parts += _items("Not covered", entry.limits)
+    if entry.assumes:
+        parts.append(_item("Rests on the controller", "%s; %s that `jaka_probe` checks%s" % (
+            "; ".join("%s, %s" % (number, STATEMENTS[number].says) for number in entry.assumes), STATEMENTS_LINK,
+            ". " + entry.assumes_also if entry.assumes_also else ".")))
+    elif entry.assumes_also:
+        parts.append(_item("Rests on the controller", entry.assumes_also))
     if entry.rules:
         parts.append(_item("Rules of the simulation", "; ".join(RULES[name] for name in entry.rules)
                            + ". *Planted defects:* " + _names(entry.defects) + "."))

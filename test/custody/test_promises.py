@@ -4,6 +4,8 @@ import promises
 import pytest
 import verdict
 
+from jaka_ros_driver.probe.statements import STATEMENTS
+
 ALL = promises.PROMISES + promises.BEHAVIOUR
 
 
@@ -28,6 +30,25 @@ def test_what_is_not_promised_says_why_no_rule_can_judge_it(entry):
 def test_a_promise_without_its_rule_or_its_defect_is_noticed(change, fault):
     good = promises.PROMISES[0]
     assert fault in promises.faults_of(good._replace(**change)) and not promises.faults_of(good)
+
+
+@pytest.mark.parametrize("entry", ALL, ids=lambda entry: entry.id)
+def test_what_rests_on_a_controller_names_the_statement_that_a_probe_checks(entry):
+    assert set(entry.assumes) <= set(STATEMENTS) and len(set(entry.assumes)) == len(entry.assumes)
+    assert not promises.unnamed_assumption(entry), "assumes: [S..], or assumes_also where there is no statement"
+    shown = promises.shown(entry)
+    assert ("Rests on the controller" in shown) == bool(entry.assumes or entry.assumes_also)
+    for number in entry.assumes:
+        assert "%s, %s" % (number, STATEMENTS[number].says) in " ".join(shown.split())
+
+
+def test_each_way_to_stop_is_an_assumption_of_the_whole_stop_and_one_without_a_name_is_noticed():
+    stops = {number for number, one in STATEMENTS.items()
+             if {"stop_ends_move", "stop_ends_jog", "stop_ends_servo", "jog_stop_ends"} & set(one.facts)}
+    entry = next(entry for entry in ALL if entry.id == "whole-stop")
+    assert stops and stops <= set(entry.assumes)
+    assert promises.unnamed_assumption(entry._replace(assumes=(), assumes_also="")) == "A controller that "
+    assert not promises.unnamed_assumption(entry._replace(assumes=(), assumes_also="It knows the command."))
 
 
 def test_the_first_screen_promises_ten_things_and_nothing_that_has_no_rule():
