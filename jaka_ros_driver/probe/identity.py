@@ -12,7 +12,11 @@ _KINDS: Dict[str, "re.Pattern[str]"] = {
     "a host name": re.compile(r"(?i)\b[a-z0-9-]+\.(?:local|lan|home|internal|corp|invalid|com|net|org|io|de|cn|jp)\b"
                               r"|\b\w+://\S+"),
     "a user name": re.compile(r"(?i)\b[\w.-]+@[\w.-]+|/(?:home|users)/\w+|\\users\\\w+"),
-    "a serial number": re.compile(r"\b(?=[A-Z-]*\d)(?=[\d-]*[A-Z])[A-Z0-9-]{7,}\b|(?<![\w.])\d{6,}(?![\w.])"),
+    "a port of a host": re.compile(r"(?i)(?<![\w.])[a-z][\w.-]*:\d{2,5}(?![\w.:-])"),
+    "a serial number": re.compile(r"\b(?=[A-Z-]*\d)(?=[\d-]*[A-Z])[A-Z0-9-]{7,}\b|(?<![\w.])\d{6,}(?![\w.])"
+                                  r"|(?i:\b(?:SN|S/N|ser(?:ial)?\.? ?(?:no|nr|number)\.?)\W{0,3}(?!x+\b|0+\b)"
+                                  r"(?=\w*\d)\w+)"),
+    "the name of an arm": re.compile(r"(?i)\bjaka[-_ ]?(?:zu|pro|mini|all|ai|[acs])?[-_ ]?\d*\w?[-_#]\w*\d\w*\b"),
     "a name": re.compile(r"(?i)\b(?:serial|robot_id|robot_name|robot name|hostname)\W+(?!x+\b|0+\b)\w+"),
 }
 

@@ -51,11 +51,25 @@ def test_a_report_as_the_probe_writes_it_belongs_there():
     ("[Errno -2] cell-pc.local is no address", "a host name"), ("http://robots/arm", "a host name"),
     ("written by anna@line3", "a user name"), ("/users/anna/probe", "a user name"),
     ("arm JK2023-00417", "a serial number"), ("number 20231104", "a serial number"),
+    ("JAKA-Zu7-0042 answers", "the name of an arm"), ("arm jaka_zu12_03", "the name of an arm"),
+    ("JAKA Pro16-A7", "the name of an arm"), ("SN 7A", "a serial number"), ("S/N: 0042B", "a serial number"),
+    ("sn=7A3", "a serial number"), ("Serial no. 12", "a serial number"), ("pc-halle3:10001", "a port of a host"),
+    ("refused by cell7:10000", "a port of a host"),
     ('"robot_name": "Bob"', "a name"), ("robot name is Bob", "a name"), ("serial: 7A", "a name")])
 @pytest.mark.parametrize("place", ["how", "spread", "value"])
 def test_identity_that_was_left_in_a_text_is_found(text, kind, place):
     facts = {**FACTS, "unknown_command": FACTS["unknown_command"]._replace(**{place: "beside " + text + " there"})}
     assert [line for line in why_not("1.7.2_zu7_a.json", content_of(facts)) if ": %s, " % kind in line]
+
+
+@pytest.mark.parametrize("text", [
+    "jaka_probe 0.3.0", "jaka_sim --like my_arm/probe.json", "get_version: 12 of 18", "code 1: get_motion_state",
+    "step 3: 25 frames", "it answers at 10:42:07", "port 10004: connection refused", "set_tool_id: 15 reads back",
+    "98 of 100 pauses are 0.0281 to 0.0312", "code 1, which names it", "SN xxxx",
+    "ctrl_cycle, in cycles of 8 ms", "jaka_ros_driver", "the snap of 12 frames", "list of 6: number"])
+def test_ordinary_words_of_a_report_are_no_identity(text):
+    facts = {**FACTS, "unknown_command": FACTS["unknown_command"]._replace(how=text)}
+    assert why_not("1.7.2_zu7_a.json", content_of(facts)) == []
 
 
 def test_identity_is_found_in_keys_numbers_and_what_was_not_set_back():
