@@ -14,6 +14,7 @@ import sys
 from typing import Optional
 
 _QUEUE_LIMIT = 1000
+"""Most records that wait for the handler; beyond it they are dropped, as no thread of the driver may wait for a log."""
 
 
 class Background(logging.handlers.QueueHandler):

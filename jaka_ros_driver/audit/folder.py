@@ -15,6 +15,7 @@ from jaka_ros_driver.audit.chain import LONGEST_LINE, START, ChainLink, decode, 
 
 _NAME = re.compile(r"audit-([0-9]{12})\.jsonl\Z")
 _PIECE = 1 << 16
+"""Bytes hashed at a time: a torn tail of any length takes no more memory."""
 _MOST_PRUNED = 2
 """Most files deleted at a time: a clock that is wrong by years must not cost the whole log."""
 

@@ -21,17 +21,25 @@ _LOG = logging.getLogger(__name__)
 MOST_WAITING = 2000
 """Most lines that wait in memory for a disk."""
 FILE_BYTES = 8 << 20
+"""Size, byte, of a file after which the next one begins: old lines are deleted file by file."""
 SYNC_PERIOD_S = 1.0
 """Longest time, s, until lines are on the disk, as far as the disk honours fsync."""
 _TURN_S = 0.25
+"""Longest wait, s, of the writing thread: its delay in seeing a file that was removed, or a disk that has room."""
 _BATCH = 250
+"""Most lines taken over before they are written: of a backlog the first ones are on the disk soon."""
 _RETRY_PERIOD_S = 1.0
+"""Pause, s, between attempts to write on a disk that refuses; meanwhile lines wait in memory."""
 _STUCK_S = 5.0
 """Time, s, that one write may take before the log reports that the disk does not answer."""
 _WARN_PERIOD_S = 60.0
+"""Least time, s, between two warnings, of a disk that refuses again and again."""
 _CLOCK_STEP_S = 0.5
+"""Least step, s, of the wall clock that gets a line of its own; ntpd slews by 0.5 ms/s at most, so seldom by so much.
+"""
 _NS = 1e-9
 _DAY_S = 86400.0
+"""A day, s."""
 
 
 class _Record(NamedTuple):

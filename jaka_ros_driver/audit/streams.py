@@ -9,6 +9,7 @@ from typing import Any, Callable, Dict, Hashable, List, Mapping, Tuple
 QUIET_S = 1.0
 """Silence, s, after which a stream has ended."""
 MOST_STREAMS = 200
+"""Most streams that are followed at a time: callers with new names for ever end the oldest, and take no memory."""
 
 _Write = Callable[[str, Mapping[str, Any]], None]
 

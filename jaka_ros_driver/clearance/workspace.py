@@ -38,9 +38,13 @@ COORDINATE_LIMIT = 10.0
 SIZES = (0.001, 20.0)
 """Smallest and largest edge, height, and radius of a cylinder, m."""
 TOOL_COORDINATE_LIMIT = 2.0
+"""Largest coordinate, m, of a tool's capsule in the flange: no arm carries one so long, a file in mm is noticed."""
 TOOL_RADII = (0.001, 0.5)
+"""Smallest and largest radius, m, of a tool's capsule: a file in mm is noticed."""
 ANGLE_LIMIT = 2.0 * math.pi
+"""Largest angle of an rpy, rad: a whole turn; a file in degrees is noticed."""
 LONGEST_NAME = 100
+"""Most characters of a zone's name, which stands in every message about the zone."""
 
 
 class Box(NamedTuple):

@@ -17,6 +17,7 @@ _LOG = logging.getLogger(__name__)
 
 _NAME = "jaka_ros_driver"
 _LONGEST_FILE = 4096
+"""Most characters that are read: what others put in place of the small file of a driver costs no memory."""
 _OF_SESSIONS = "/run/user/"
 """Folders that logind removes when their user has logged out."""
 

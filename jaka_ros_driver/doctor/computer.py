@@ -21,9 +21,13 @@ _FULL_MB, _LITTLE_MB = 50.0, 500.0
 """Free space, MB: below the first the log of one file does not fit; below the second not the five that are kept."""
 _SLOW_MB_S, _LONG_SYNC_S = 2.0, 1.0
 _WRITTEN_MB = 16
+"""Size, MB, of the sample that is written: with less a disk's own cache hides its speed, with more a slow one takes
+long."""
 _BLOCK = b"\0" * (1 << 20)
 _FILES = 1024
+"""Least limit of open files: the driver needs one for each listener of each topic, beside its own."""
 _DAY_S = 86400.0
+"""A day, s: the tolerance of a clock that is compared with the time of an installed file, which zones may shift."""
 _UNSYNCHRONISED = 5
 """The answer of adjtimex(2), TIME_ERROR, where nothing keeps the clock right."""
 

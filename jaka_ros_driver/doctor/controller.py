@@ -18,7 +18,10 @@ from jaka_ros_driver.ros.frame_table import frame_of
 
 _NOT_NAMED = skipped("no controller was named", "jaka_doctor ip:=ADDRESS")
 _SLOW_SHARE = 0.8
+"""Share of the rate that the driver will ask for, below which the page says so: a count over a second or two is no more
+exact."""
 _LATE_S = 0.1
+"""Pause, s, between two frames that is worth a warning: one frame of the slowest feed (10 Hz)."""
 
 
 def route(subject: ExaminedSystem) -> Observation:

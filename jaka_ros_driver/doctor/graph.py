@@ -20,7 +20,9 @@ from jaka_ros_driver.ros.single_name import refuse_second_node
 from jaka_ros_driver.ros.start_checks import is_master_uri, require_own_answer
 
 _CONNECT_S = 3.0
+"""Longest wait, s, for a node's port, and for an answer: nothing answers at a wrong address."""
 _BACK_S = 4.0
+"""Longest wait, s, for the master's call; a longer one only makes the report of a blocked way late."""
 _NAME = "/jaka_doctor_%d" % os.getpid()
 _ADDRESS_REMEDY = ("set ROS_IP to the address of this computer that the others reach, the same in every shell "
                    "and service (ip -brief address lists them)")

@@ -16,8 +16,11 @@ from jaka_ros_driver.state import RobotState
 
 QUESTIONS = (Query.VERSION, Query.FEED_PERIOD, Query.SERVO_MODE, Query.TOOL_FRAMES, Query.USER_FRAMES)
 CONNECT_S = 3.0
+"""Longest wait, s, for a connection: nothing answers at a wrong address, and a person waits for the report."""
 _ANSWER_S = 3.0
+"""Longest wait, s, for one answer: longer than the driver's own (``reply_timeout``), to tell a slow one from none."""
 _LISTEN_S = 1.5
+"""Time, s, for which the feed is listened to: 15 frames of the slowest one (10 Hz)."""
 _STAYS_S = 1.0
 """Time, s, for which a connection must stay after the last answer: another client that takes the port ends it."""
 _RECEIVE_BYTES = 1 << 16

@@ -43,6 +43,8 @@ DEFAULT_TCP_ACCELERATION = 8.0
 """Default tool acceleration, m/s2: libjaka's bound and the ceiling of docs/controller-protocol.md section 5.4.1."""
 
 STRUCTURE_TOLERANCE_M = 0.01
+"""Largest difference, m, of a calibrated row from its structure; with more the refinement of the closed form begins too
+far off."""
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)
 
 _TOTAL_LENGTH = (0.1, 20.0)

@@ -33,6 +33,7 @@ TOLERANCES = (0.0, 1.0)
 IO_INDICES = (0, 1023)
 """First and last index of a terminal; no bank of a controller has more."""
 LONGEST_PROGRAM_NAME = 100
+"""Most characters of a controller program's name: no source gives a figure; a longer text is a mistake."""
 SERVO_CYCLES = (1, 1000)
 """Fewest and most servo cycles of 8 ms for one target; the upper bound is 8 s."""
 JOINT_SPEED_CEILING = math.pi

@@ -16,9 +16,11 @@ from jaka_ros_driver.kinematics.rotations import Transform, turn_between, wrap_a
 from jaka_ros_driver.state import Vector
 
 _REFINE_STEPS = 20
+"""Most steps of a refinement; it begins near its end, and each step squares the error, so more only delay a failure."""
 _REFINED = 1e-11
 """Length of the remaining twist (m and rad together) below which a refinement ends."""
 _SETTLE_STEPS = 15
+"""Most steps of a search that may begin at a singularity; the caller looks how near they came."""
 _SAME_BRANCH = 1e-6
 """Largest difference, rad, in any joint up to which two refined branches count as one."""
 _GRID = 720

@@ -19,10 +19,15 @@ from jaka_ros_driver.protocol.framing import JsonObject, ObjectStream, encode_ob
 from jaka_ros_driver.state import unrest
 
 _ANSWER_S = 3.0
+"""Longest wait, s, for an answer of which it is to be known whether it comes at all."""
 _SHORT_S = 1.0
+"""Longest wait, s, for what a controller has answered before, or may never answer: several questions wait for it."""
 _POLLED_S = 2.0
+"""Time, s, of asking without a pause: some hundred answers, for the 99th percentile."""
 _GLANCE_S = 0.01
+"""Time, s, of a look at frames that have come: longer than one cycle (8 ms)."""
 _LONGEST_PERIOD_MS = 1e6
+"""Longest period, ms, of a feed that is believed; with more the reply means something else."""
 _ENVELOPE = frozenset(("cmdName", "errorCode", "errorMsg"))
 NOT_KNOWN = "1"
 """``errorCode`` of what a controller does not understand (docs/controller-protocol.md section 4.3)."""

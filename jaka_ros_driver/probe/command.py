@@ -40,9 +40,11 @@ from jaka_ros_driver.wire.startup import port_number
 
 _NAME = "jaka_probe"
 _SECONDS = 30.0
+"""Default time, s, of listening: 300 frames of the slowest feed (10 Hz), and rare pauses are among them."""
 _SETTLE_S = 1.2 * FRESH_S
 """Time, s, for which the feed is listened to before a stage: frames that waited to be read are old after it."""
 _GLANCE_S = 0.01
+"""Time, s, of a look at frames while a person is asked: longer than one cycle (8 ms)."""
 _HIGHEST_OUTPUT = 15
 REPORT, TEXT, PAGE, DIALECT, WIRE = "probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"
 _FILES = (REPORT, TEXT, PAGE, DIALECT, WIRE)

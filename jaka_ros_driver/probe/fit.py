@@ -26,6 +26,7 @@ _STEP, _JERK_STEP_S, _HALVINGS = 1.12, 0.01, 6
 _MOVED = 0.005
 """Share of the way that counts as the beginning and as the end of the motion."""
 _TABLE = 100
+"""Points of a curve's table, between which it is interpolated: the fit asks for many times, a curve is dear."""
 
 
 class SCurve(NamedTuple):

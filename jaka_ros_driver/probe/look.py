@@ -20,6 +20,7 @@ from jaka_ros_driver.state import RobotState, Vector, are_still
 from jaka_ros_driver.units import deg_to_rad, m_to_mm, mm_to_m, rad_to_deg
 
 _ENOUGH_FRAMES = 10
+"""Fewest frames of which a period is told: with fewer one late frame decides."""
 _REGULAR, _REGULAR_S, _MOST = 0.3, 0.002, 0.8
 """A feed has a period where so many of its pauses differ by no more than this share, or this time, from their mean."""
 _NEVER = "no frame came"
@@ -51,6 +52,8 @@ class HeardFeed:
     """
 
     _KEPT = 50
+    """Newest states that are kept, for a look whether the arm is at rest: memory does not grow with the time of
+    listening."""
 
     def __init__(self, connection: KeptConnection) -> None:
         self.connection = connection

@@ -31,6 +31,7 @@ reach and five joints make 35 mm, and the joint that moves swings a tool by 20 m
 ROOM_M = 0.06
 """Radius of the sphere around the start that the tool must not leave."""
 CYCLE_S = 0.008
+"""The controller's cycle, s (docs/controller-protocol.md)."""
 FASTEST = deg_to_rad(6.5)
 """Highest speed of a servo frame, rad/s."""
 REST_RAD = 1e-4
@@ -38,7 +39,9 @@ REST_RAD = 1e-4
 _SILENT_S = 0.5
 """Age, s, of the newest frame at which an arm that moves is stopped."""
 _TURN_S = 0.004
+"""Longest wait, s, before the next look whether the arm must be stopped: half a cycle."""
 _ANSWER_S = 3.0
+"""Longest wait, s, for an answer while nothing moves."""
 _GUARD_S = 10.0
 """Longest wait, s, for the guard's first answer."""
 _UNSEEN = "the arm was not seen at rest: use the emergency stop"

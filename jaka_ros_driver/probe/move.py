@@ -57,9 +57,14 @@ GAPS_MS = (8, 16, 40, 100)
 _LONGEST_TURN = deg_to_rad(300.0)
 """Largest position, rad, of a joint 6 that moves toward zero: far from every model's limits."""
 _LARGEST_SWING_M = 0.02
+"""Largest way, m, on which the tool's tip is swung by joint 6: ``ROOM_RAD`` and ``ROOM_M`` count on it."""
 _LATE_INPOS_S = 3.3
+"""Time, s, for which ``inpos`` is waited for after rest: it counts as late up to 2.8 s, as never beyond."""
 _REST_S = 0.25
+"""Time, s, without a change that counts as rest: longer than any pause of a motion that goes on, and two frames of 10
+Hz."""
 _ENTER_S = 3.0
+"""Longest wait, s, until servo mode is on; after it the stage ends, and leaves the arm where it is."""
 _NEAR = deg_to_rad(0.05)
 _TRIES, _CLEAR_S = 3, 0.02
 """Most measurements of a short time, until its least and its greatest value differ by less than this, s."""

@@ -6,7 +6,9 @@ import termios
 from typing import Callable
 
 _TURN_S = 0.05
+"""Longest wait, s, before the caller's next look at the arm while a person thinks."""
 _LONGEST = 4096
+"""Most bytes of an answer: what is pasted by mistake counts as a wrong one."""
 
 
 class Person:

@@ -12,6 +12,7 @@ from typing import List, NamedTuple, Sequence
 from jaka_ros_driver.wire.log import WireLog
 
 CONNECT_S = 3.0
+"""Longest wait, s, for a connection, and to send and read on it: nothing answers at a wrong address."""
 MAX_KEPT_BYTES = 1 << 26
 """Bytes that are kept for the log: half a minute of the longest frames known, every 8 ms. What comes later is used and
 not kept.

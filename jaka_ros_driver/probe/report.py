@@ -14,6 +14,7 @@ from jaka_ros_driver.simulation.dialect.like import LONGEST_REPORT, REPORT_FORMA
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 
 _WIDTH = 110
+"""Columns of the report, which terminals and letters have."""
 _LARGEST = 1e12
 """Largest number in a fact: no quantity of an arm is larger."""
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,

@@ -42,6 +42,7 @@ DRAG_COMMAND = "torque_control_enable"
 _ANSWER_S, _SLOW_S = 3.0, 15.0
 """Patience, s, with a reply; with one that may wait for what it begins."""
 _GLANCE_S = 0.01
+"""Time, s, of a look at frames between two questions: longer than one cycle (8 ms)."""
 _HIGHEST_ID = 15
 """Highest id that any source names (docs/controller-protocol.md section 5.7)."""
 _SPELLINGS = (("userffset", 1.0), ("useroffset", 2.0))

@@ -25,6 +25,7 @@ POOR_SHARE = 0.1
 _SAME_DELAY_S = 0.15
 """Largest difference, s, of beginnings that tell the same delay."""
 _LONGEST_S = 60.0
+"""Longest simulated motion, s; a twin that never arrives is compared up to here."""
 _MIDDLE = 0.1
 """Share of the way, at both ends, that is too slow to tell a time by."""
 _DEFAULT_MODEL = "zu7"

@@ -29,6 +29,7 @@ _MAX_NUMBER = 1e9
 """Largest magnitude, deg or mm, accepted in a reply; no quantity of an arm is larger, and a float32 can hold it."""
 _MAX_CODE = 1 << 31
 _LONGEST_CODE = 40
+"""Most characters of an ``errorCode``: it stands in messages, and Python takes long to read long numbers."""
 
 _TRUTHS = {"0": False, "false": False, "0.0": False, "1": True, "true": True, "1.0": True}
 _DRIVES = {**_TRUTHS, "powered_on": True, "powered_off": False, "robot_enabled": True, "robot_disabled": False}

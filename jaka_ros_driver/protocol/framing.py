@@ -34,11 +34,13 @@ _STRING_END = re.compile(rb'["\\]')
 _NOT_BLANK = re.compile(rb"[^\s\x00]")
 _FRAME_HEAD = re.compile(rb'\{\s*"len"\s*:\s*(\d{1,9})\s*[,}]')
 _HEAD_BYTES = 64
+"""Bytes at the end that may be the beginning of a frame's head: more than one has, blanks included."""
 _CLOSING = ord("}")
 _WHOLE_STRING = re.compile(rb'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)
 _BRACKET = re.compile(rb"[][{}]")
 _STEPS = {b"[": 1, b"{": 1, b"]": -1, b"}": -1}
 _PARSED_IN_VAIN = 4
+"""Bytes that may be parsed in vain for each byte that came: damage that looks like frames costs bounded time."""
 MAX_DAMAGE_BYTES = 1 << 18
 """Longest run of damage, bytes, after which a feed is given up: 28 of the longest frames known."""
 

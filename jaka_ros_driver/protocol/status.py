@@ -18,6 +18,7 @@ _MAX_JOINT_SPEED_DEG = 3600.0
 The margin is needed because a reported speed may be a difference of noisy positions.
 """
 _MAX_SPEED_MM = 1e5
+"""Largest speed of the tool accepted, mm/s: far above any arm's, and far below what a damaged number reads as."""
 _MAX_RATE = 100.0
 """Largest speed override accepted: it is 1 at most, but no source excludes firmware that counts in per cent."""
 _MAX_READING = 1e4
@@ -25,6 +26,7 @@ _MAX_READING = 1e4
 _MAX_NUMBER = 1e9
 """Largest magnitude of any other number; a float32 or int32 can hold it."""
 _MAX_EVENT_CODE = 0xFFFFFFFF
+"""Largest event code accepted, of either sign: 32 bits."""
 _NUMBERS = frozenset((int, float, bool))
 
 _DIGITAL_INPUTS = ((IoBank.CABINET, "din"), (IoBank.TOOL, "tio_din"))

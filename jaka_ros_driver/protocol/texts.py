@@ -8,6 +8,7 @@ from typing import Any
 LONGEST_TEXT = 500
 """Largest number of characters of a text; the longest one of the controller's event list has about 200."""
 _LONGEST_VALUE = 200
+"""Most characters of a foreign value in a message: enough to recognise it, and a log stays readable."""
 
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:

@@ -34,7 +34,9 @@ _CONNECT_TIMEOUT_S = 3.0
 _PROBE_TIMEOUT_S = 0.5
 """Longest wait, s, for another publisher of a topic, which is likely dead; there may be several."""
 _LOOK_S = 0.05
+"""Period, s, of the looks whether time runs: the delay of the start behind the first ``/clock``."""
 _LOG_PERIOD_S = 10.0
+"""Period, s, of the error while time stands still: it must not be missed, nor fill the log."""
 _MASTER_LOOK_S, _MASTER_LOG_PERIOD_S = 0.2, 60.0
 _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
 

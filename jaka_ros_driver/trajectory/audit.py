@@ -19,10 +19,15 @@ SPEED_SLACK = 1.02
 """Share of the speed limit that a path may use: polynomials through points of the highest speed overshoot it a little.
 """
 ACCELERATION_SLACK = 1.02
+"""Share of the highest acceleration that a path may use: as of the speed, for polynomials between points."""
 _POSITION_SLACK = 1e-6
+"""Excess, rad, over a joint limit that counts as rounding: points come as float32 from some clients."""
 _SAMPLE_PERIOD_S = 0.5 * SERVO_PERIOD_S
+"""Step, s, of the samples: half a cycle, so that the middle of each cycle is seen, too."""
 _PIECE_SAMPLES = (4, 64)
+"""Fewest and most samples of a polynomial: short ones bend within a cycle, long ones are bounded between samples."""
 _SAMPLES_AT_ONCE = 20_000
+"""Samples in one array: a plan of a day takes some MB, not some GB."""
 
 
 def audit(path: Path, model: ArmModel, slows: bool = False) -> None:

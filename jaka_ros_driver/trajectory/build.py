@@ -25,7 +25,9 @@ from jaka_ros_driver.trajectory.points import (
 from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
+"""Durations, s, of the way onto a path, tried in order: the shortest that the joints can follow is taken."""
 _SAME = 1e-9
+"""Difference of times, s, positions, rad, and speeds, rad/s, that is rounding of floats."""
 _STOP = 1.5
 """Largest deceleration of a joint that ``_with_approach`` brings to rest, as a share of speed by time."""
 _WIRE_ROUNDING = 1e-6

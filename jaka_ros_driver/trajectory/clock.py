@@ -14,16 +14,22 @@ from jaka_ros_driver.trajectory.path import JointState, Path
 
 _CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
 _STILL = 1e-9
+"""Speed, rad/s, that is rounding of floats."""
 _NEARLY = 1.0 - 1e-9
+"""Share of a cycle's way that is taken where it would be too fast: rounding must not lead above the limit again."""
 _SAME_RATE = 1e-4
+"""Change of the rate with which its search ends: the limits are judged by the mean speed, which it hardly changes."""
 _TRIES = 4
+"""Most rounds of that search, which runs in every cycle; what is left beyond a limit is cut off afterwards."""
 _SHORT_S = 1e-5
+"""Stretch, s, of a path below which its slope is taken in place of a difference of positions, which rounding spoils."""
 _ROOM = 0.5 * JOINT_ACCELERATION_CEILING
 """Acceleration, rad/s2, that any joint may need soon where the arm is to run faster than the path.
 
 With the rest of its acceleration an arm at the highest speed slows by 5 % within four cycles.
 """
 _CYCLES_AHEAD = 7
+"""Cycles that are looked ahead: longer than the four in which an arm at the highest speed slows down."""
 
 
 class _Step(NamedTuple):

@@ -16,7 +16,9 @@ from jaka_ros_driver.trajectory.path import TERMS, Array
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryPoint
 
 _GROWTH = 1.1
+"""Factor from try to try: a blend is at most so much longer than needed."""
 _SAME_TIME_S = 1e-9
+"""Time, s, below which two breaks are one: rounding of floats."""
 
 
 def rounded_lines(points: Sequence[TrajectoryPoint], start_velocity: Vector) -> Tuple[Array, Array]:

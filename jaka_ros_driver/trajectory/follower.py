@@ -28,19 +28,26 @@ HOLD_S = 0.5
 """Time, s, without a point after which a stream has ended."""
 _SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 0.002, 0.1
 _PERIODS_AHEAD = 2.0
+"""Periods by which a point without a time of its own lies ahead: one that comes a period late is no standstill."""
 _TOO_FAST = 1.25
 """Factor over a joint's speed from which a point is refused: that is a jump, and no stream."""
 _PULL = 0.2
 """Share by which a point's place follows its own time, and not the mean period."""
 _MEAN_OVER_S, _FEW = 1.0, 4
 _MOST_PERIODS_AHEAD = 3.0
+"""Periods that a stream's own times may lie ahead at most, for the mean: with less its points would be dropped."""
 _GAIN = 0.25 / SERVO_PERIOD_S
+"""Share of the distance to its line that a joint makes up for in a second: a quarter in each cycle; 1 would overshoot.
+"""
 _CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
 _BRAKE = 0.9 * JOINT_ACCELERATION_CEILING
 """Deceleration, rad/s2, that is planned with; the rest is left for points that lie elsewhere than the line led on."""
 _STILL = 1e-9
+"""Speed, rad/s, that is rounding of floats."""
 _ARRIVED = 1e-7
+"""Distance, rad, at which the arm is at the last point: below the controller's own resolution."""
 _WIRE_ROUNDING = 1e-6
+"""Excess, rad, over a limit that is allowed, because points come as float32 from some clients."""
 
 
 class _Place(NamedTuple):

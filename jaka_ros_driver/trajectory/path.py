@@ -15,6 +15,7 @@ Array = Any
 
 
 _REST_PIECE_S = 1e-3
+"""Duration, s, of a path that rests: any above zero will do, as a path holds its end."""
 
 
 class JointState(NamedTuple):

@@ -10,6 +10,7 @@ from jaka_ros_driver.state import Vector
 MAX_POINTS = 100_000
 """Most points of a plan, 800 s with a point each cycle; a longer plan is sent in parts."""
 MAX_DURATION_S = 24.0 * 3600.0
+"""Longest trajectory, s: a day; a time beyond it is in other units."""
 REST_VELOCITY = 1e-3
 """Highest velocity, rad/s, of a last point that still means rest."""
 

@@ -14,9 +14,13 @@ LARGEST_OVERSHOOT = 1.25
 _ROOM = 0.99
 """Share of a limit that a slowed stretch uses: the clock needs the rest to keep to its ramps."""
 _RAMPS_S = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Durations of a ramp, s, tried in order: a short one delays least, and a long one asks least of the joints."""
 _STEP_S = 0.002
+"""Step, s, of the looks at a slowed part: a quarter of a cycle."""
 _SAMPLES_AT_ONCE = 20_000
+"""Samples in one array: a plan of a day takes some MB, not some GB."""
 _SLOPE_S = 1e-6
+"""Step, s, of a difference that stands for a derivative."""
 _TRIES = 3
 """Attempts with one ramp: what was found may be a little larger between its samples."""
 

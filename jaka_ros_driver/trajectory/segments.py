@@ -8,6 +8,7 @@ from jaka_ros_driver.kinematics.rotations import Matrix, matrix_from_rpy, rotati
 from jaka_ros_driver.state import RobotState, Vector
 
 MAX_SEGMENTS = 200
+"""Most segments of a path: each is a command that the controller has to have in its queue."""
 ARC_TURN_SPEED = math.pi
 """Angular speed, rad/s, of the tool on an arc for which the controller is given none (docs/sdk-client.md section 8)."""
 _NOWHERE = 1e-6
@@ -18,6 +19,7 @@ _JOINT_LEVER = 0.5
 _TURN_LEVER = 0.1
 """Levers, m, that make an angle comparable with a distance: of a joint, and of the tool's rotation."""
 _SLACK_S = 0.05
+"""Advance, s, beside ``_FASTEST`` that is possible between two frames, because stamps are late by some ms."""
 _FASTEST = 1.2
 """Largest factor by which an arm progresses faster than time between two frames, beside the slack."""
 _BESIDE = 0.003
@@ -31,7 +33,9 @@ An arm that passes by farther away is moved by something else.
 _AT_CORNER = 0.002
 """Largest distance, m, beside its blend radius, of an arm that has been at a corner."""
 _BEFORE_CORNER_S = 1e-6
+"""Time, s, before a corner at which an arm that has not reached it can be at most."""
 _ROUNDS = 5
+"""Number of rounds of the search for the nearest place; each halves the stretch, the last one has steps of 1/64."""
 _BEHIND_CORNER = 1e-3
 """Advantage, m, by which an arm must be nearer to the next segment to be behind a corner: two segments may lie close.
 """

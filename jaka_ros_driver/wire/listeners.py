@@ -4,6 +4,7 @@ import socket
 from typing import Dict, Tuple
 
 _BACKLOG = 16
+"""Connections that wait to be accepted: a client that retries quickly is not refused meanwhile."""
 
 
 class Listeners:

@@ -23,7 +23,10 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.state import Vector
 
 FLUSH_INTERVAL_S = 0.5
+"""Longest time, s, until what came is in the file: a recorder that is killed loses no more."""
 _QUEUE_LIMIT = 200000
+"""Most pieces that wait for the disk: some minutes of a session; beyond it they are lost and counted, as memory would
+grow."""
 _JOINTS_TOPIC = "/joints"
 _CLOCK = "clock"
 _OFFSET = "realtime_minus_monotonic_ns"

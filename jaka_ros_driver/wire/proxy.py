@@ -23,8 +23,11 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 from jaka_ros_driver.wire.startup import port_number, print_ports, raise_priority, stop_on_signals
 
 _CONNECT_S = 3.0
+"""Longest wait, s, for the controller; then the client's connection is closed, as the controller's would be."""
 _LOG_TIMEOUT_S = 0.5
+"""Longest wait, s, at the end for messages that wait to be printed."""
 _MOST_BACKLOG = 4 << 20
+"""Bytes that wait for a side that does not read; beyond it the connection is closed, as memory would grow."""
 
 
 class _Side:

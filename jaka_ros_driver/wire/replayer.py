@@ -38,6 +38,7 @@ _EARLY_S = 0.05
 """Lead, s, with which a port opens before its next recorded connection, so that a client that retries finds it in time.
 """
 _GRACE_S = 2.0
+"""Time, s of the log, that a client may be behind it before the replayer ends the connection."""
 PATIENCE_S = 5.0
 """Longest wait, s of wall time, for a request; then the replayer assumes that this driver does not make it."""
 _LOOK_BACK = 8

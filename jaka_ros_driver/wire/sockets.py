@@ -11,6 +11,7 @@ from jaka_ros_driver.units import NS_PER_S
 
 LOOPBACK = "127.0.0.1"
 _RECEIVE_BYTES = 65536
+"""Bytes read at a time: seven of the longest frames."""
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 _STAMP_ARRIVALS = getattr(socket, "SO_TIMESTAMPNS", 35)  # Linux; the socket module of Python 3.8 to 3.11 lacks it
 _ARRIVAL = struct.Struct("@ll")  # struct timespec of the wall clock

@@ -11,7 +11,9 @@ from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 _SWITCH_INTERVAL_S = 0.0005
 """The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _PRIORITY = 10
+"""Real-time priority, 1 to 99: above all normal processes, below the kernel's own threads (50)."""
 _NICENESS = -10
+"""Niceness, -20 to 19: before all that runs at 0; real time is asked for by an option."""
 _HIGHEST_PORT = 65535
 
 

@@ -6,7 +6,9 @@ import math
 from typing import Any
 
 _MOST_ITEMS = 32
+"""Most entries, and bytes, of a value that are written: the audit log holds requests, not data."""
 _LONGEST_TEXT = 500
+"""Most characters of a text that are written; the line says how many there were."""
 _DEEPEST = 8
 """Most entries of a list, characters of a text, and levels: no call makes a line of the log as long as it likes."""
 

@@ -12,6 +12,7 @@ from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 
 _QUEUE = 200
+"""Messages that wait for a slow subscriber: a burst of calls of many clients; a recorder must not miss one."""
 
 
 class ReceivedCall(NamedTuple):

@@ -26,7 +26,9 @@ from jaka_ros_driver.state import IoState, RobotState
 _LOG = logging.getLogger(__name__)
 
 _LOOK_S = 0.02
+"""Period, s, of the looks at the inputs: the delay of a goal's end; less than three frames of the feed."""
 _FEEDBACK_PERIOD_S = 0.1
+"""Period, s, of the feedback: 10 Hz, as much as a person or a behaviour tree reads."""
 _JOINT_PERIOD_S = 0.05
 """Longest period, s, of the gripper's joint where it stands still: 20 Hz."""
 SetOutput = Callable[[Union[SetDigitalOutput, SetAnalogOutput]], Any]

@@ -20,6 +20,7 @@ from jaka_ros_driver.ros.services.server import CallCount
 _LOG = logging.getLogger(__name__)
 
 _FEEDBACK_PERIOD_S = 0.2
+"""Longest wait, s, for a step, and so the delay of a cancel: steps take seconds."""
 
 
 class RecoverAction:

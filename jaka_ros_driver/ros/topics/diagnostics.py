@@ -28,6 +28,7 @@ _LOG = logging.getLogger(__name__)
 
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
 PERIOD_S = 1.0
+"""Period, s, of the diagnostics: 1 Hz, as diagnostic_aggregator expects (it calls a status stale after 5 s)."""
 _SLOW_FEED = 0.95
 """Share of the wanted rate below which the feed is reported as slow."""
 _MAX_JITTER_S = 0.004

@@ -21,6 +21,7 @@ _PERIOD_S = 1.0
 _ANALOG_PERIOD_S = 0.1
 """Shortest period, s, of analog changes, which may come with every frame."""
 _QUEUE = 10
+"""Messages that wait for a slow subscriber; the newest is the one that counts."""
 NOTHING_REPORTED = IoState()
 
 

@@ -22,6 +22,7 @@ from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 _LOG_PERIOD_S = 1.0
+"""Least time, s, between two warnings of a stream whose every message may be wrong."""
 _QUEUE = 10
 """Most messages that wait; those that have waited too long are recognised by their age."""
 _BASE, _TOOL, _USER = "base", "tool", "user"

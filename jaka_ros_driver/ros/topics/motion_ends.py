@@ -16,6 +16,7 @@ from jaka_ros_driver.state import ProgramState, RobotState
 _NOT_PUBLISHED = "the topic %s is not published; everything else is served"
 
 _QUEUE = 100
+"""Messages that wait for a slow subscriber: each is an event that comes once, so many more than of states."""
 _JOG = "jog"
 """The id of a velocity jog on ``~motion_state``."""
 

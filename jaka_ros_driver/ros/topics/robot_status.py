@@ -22,6 +22,7 @@ MANUAL, AUTO = 1, 2
 _PERIOD_S = 0.1
 """Period, s, at which a status that does not change is published, and the silence of the controller noticed."""
 _QUEUE = 10
+"""Messages that wait for a slow subscriber; the newest is the one that counts."""
 _INT32 = 0x7FFFFFFF
 
 

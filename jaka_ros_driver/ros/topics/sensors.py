@@ -19,10 +19,13 @@ from jaka_ros_driver.state import RobotState, Vector
 _LOG = logging.getLogger(__name__)
 
 _QUEUE = 10
+"""Messages that wait for a slow subscriber; the newest is the one that counts."""
 _EARLY = 0.5
 """Share of the feed's period by which a sample may come before a message is due to be taken for it."""
 TEMPERATURE_PERIOD_S = 1.0
+"""Period, s, of the temperatures, which change in minutes."""
 CURRENT_PERIOD_S = 0.1
+"""Period, s, of the currents: a load shows, and the topic stays small beside the 125 Hz of the joints."""
 
 _Message = TypeVar("_Message", bound=genpy.Message)
 Read = Callable[[RobotState], Optional[Vector]]

@@ -19,6 +19,7 @@ from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 _LOG_PERIOD_S = 1.0
+"""Least time, s, between two warnings of a stream whose every message may be wrong."""
 
 
 class ServoTopics:

@@ -12,7 +12,9 @@ from jaka_ros_driver.ros.params import DriverConfig, WrongParameter
 _LOG = logging.getLogger(__name__)
 
 STATE_RATE_HZ = 50.0
+"""Default of ``state_publish_rate``, Hz: that of ros_controllers' JointTrajectoryController."""
 _RATES_HZ = (1.0, 125.0)
+"""Lowest and highest ``state_publish_rate``, Hz: the feed has no more than 125."""
 _NOT_USED = {
     "action_monitor_rate": "feedback has 20 Hz",
     "constraints/stopped_velocity_tolerance": "a trajectory ends at rest, whatever is asked for",

@@ -16,6 +16,7 @@ from jaka_ros_driver.trajectory.path import JointState
 _SAME = 1e-4
 """Largest distance, rad, within which a joint is held: the noise of a measured position stays below it."""
 _LOG_PERIOD_S = 1.0
+"""Least time, s, between two warnings of a client that asks again and again."""
 
 
 class HeldPosition:

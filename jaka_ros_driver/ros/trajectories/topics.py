@@ -23,7 +23,9 @@ from jaka_ros_driver.trajectory.path import JointState
 _EARLY_S = 0.004
 """Half an interval, s, of the feed at 125 Hz: a frame that jitter brings early still counts as due."""
 _QUEUE = 10
+"""Messages that wait, of states for a slow subscriber, of trajectories for the client's thread."""
 _LOG_PERIOD_S = 1.0
+"""Least time, s, between two warnings of a stream whose every message may be wrong."""
 
 
 class TrajectoryInterface:

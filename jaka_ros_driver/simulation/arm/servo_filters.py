@@ -25,6 +25,7 @@ from jaka_ros_driver.simulation.arm.profiles import RUCKIG, ruckig_solves
 from jaka_ros_driver.state import Vector
 
 MAX_BUFFER = 250
+"""Longest buffer of the foresight filters, cycles: 2 s. No source gives a limit; it bounds the delay of a stream."""
 
 
 class ServoFilter(enum.IntEnum):

@@ -22,6 +22,7 @@ _LATCHING = frozenset((
 _SOFT_LIMIT_KINDS = (0x31, 0x32, 0x35, 0x36)
 _COLLISION_KIND = 0x61
 _MAX_PAST = 200
+"""Newest events that are kept: a controller that runs for weeks takes no more memory."""
 
 
 class Alarms:

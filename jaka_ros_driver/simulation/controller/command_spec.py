@@ -8,6 +8,7 @@ from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.dialect.table import EARLY, HELD
 
 _SAME_MOMENT_S = 1e-6
+"""Rounding, s, of sums of cycles: far below a cycle (8 ms), far above what floats lose in a day."""
 LINK_LOSS_COMMAND = "set_network_exception_handle"
 """The command that sets the reaction to the loss of the client that sends it (docs/sdk-client.md section 2)."""
 SIMULATED_ONLY = "simulated controllers only"

@@ -11,6 +11,7 @@ from jaka_ros_driver.simulation.dialect.table import EITHER
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
+"""The highest collision level (docs/sdk-client.md)."""
 MAX_MASS_KG = 100.0
 """Largest mass, kg: more than the heaviest arm of the line carries (models data)."""
 

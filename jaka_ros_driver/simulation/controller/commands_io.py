@@ -8,6 +8,7 @@ from jaka_ros_driver.simulation.controller.state import ControllerState
 
 _DIN_STATUS_COUNT = 64
 _MAX_COUNT = 256
+"""Most terminals of one request: more than any bank has. No source gives a limit."""
 
 
 def _first(state: ControllerState, arguments: Arguments) -> int:

@@ -10,7 +10,9 @@ from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
 MAX_FEED_PERIOD_MS = 60000
+"""Longest period of the feed, ms. No source gives a limit; with a minute no driver could tell a silent feed."""
 _MAX_VARIABLES = 256
+"""Most program variables. No source gives a limit; a client that adds for ever must not take all memory."""
 _PORTS, _FIELDS, _DELAY = "PORTCONFIG", "ATTROPTIONALDATA", "port10000_delay_ms"
 
 

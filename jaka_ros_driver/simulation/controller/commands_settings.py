@@ -14,7 +14,9 @@ from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.status_frame import SIGNAL_VALUE, signal_rows
 
 _MAX_SIGNALS = 8
+"""Most signals of the tool's RS-485. No source gives a limit; a client that adds for ever is refused."""
 _MAX_TRAJECTORIES = 64
+"""Most recorded trajectories. No source gives a limit; a client that adds for ever is refused."""
 
 
 class _Key(NamedTuple):

@@ -11,6 +11,7 @@ FIRMWARE_NAMES = ("1.5.14", "1.7.1", "1.7.2")
 _AT_DEFAULT, _AT_EDGE = 0.4, 0.7
 """Shares of the draws up to which they take the default, and then an end: edges break more than middles."""
 _MAX_LIST = 64
+"""Most names of a list in a dialect's file: more than any dimension has."""
 
 
 class Dice:

@@ -14,6 +14,7 @@ _MAX_LAG_S = 0.25
 _SAMPLES = 7500
 """Cycles whose lateness is kept: those of a minute."""
 _SAME_MOMENT_S = 1e-6
+"""Rounding, s, of sums of cycles: far below a cycle (8 ms), far above what floats lose in a day."""
 
 
 class CycleClock:

@@ -16,6 +16,7 @@ from jaka_ros_driver.units import ms_to_s
 
 _LEN = re.compile(rb'"len": (\d+)')
 _LARGEST = 1e6
+"""Largest number in a fault: times in ms, counts, offsets; beyond it none means anything."""
 
 
 class Effect(enum.Enum):

@@ -19,6 +19,7 @@ from jaka_ros_driver.protocol import codec
 
 _NEVER = float("inf")
 _SLICE_WORK = 1500
+"""Work of a slice, in that of a distance; with more a stop waits longer for the lock, with less a look takes longer."""
 _BREATH_S = 0.001
 """The work of a slice, in that of a distance, and the pause behind it, s, in which a stop takes the lock."""
 
