@@ -20,6 +20,7 @@ _OLDEST_PYTHON = (3, 8)
 _FULL_MB, _LITTLE_MB = 50.0, 500.0
 """Free space, MB: below the first the log of one file does not fit; below the second not the five that are kept."""
 _SLOW_MB_S, _LONG_SYNC_S = 2.0, 1.0
+"""Lowest rate, MB/s, and longest pause, s, of a disk for a recorder: an arm makes some 100 kB/s, cameras make more."""
 _WRITTEN_MB = 16
 """Size, MB, of the sample that is written: with less a disk's own cache hides its speed, with more a slow one takes
 long."""

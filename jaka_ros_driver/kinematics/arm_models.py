@@ -46,6 +46,7 @@ STRUCTURE_TOLERANCE_M = 0.01
 """Largest difference, m, of a calibrated row from its structure; with more the refinement of the closed form begins too
 far off."""
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)
+"""The same for its angle, rad."""
 
 _TOTAL_LENGTH = (0.1, 20.0)
 """Smallest and largest sum, m, of all |a| and |d| of a real arm; it detects a file in metres."""

@@ -23,6 +23,7 @@ _LIKELY, _ROUNDING = 8.0, 0.0001
 misfit by the second.
 """
 _STEP, _JERK_STEP_S, _HALVINGS = 1.12, 0.01, 6
+"""Factor from share to share, and step, s, of the coarse search; halvings of that factor, down to 0.2 %."""
 _MOVED = 0.005
 """Share of the way that counts as the beginning and as the end of the motion."""
 _TABLE = 100

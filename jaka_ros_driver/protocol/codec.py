@@ -28,6 +28,7 @@ _LINK_LOSS_KEEP, _LINK_LOSS_ABORT = 0, 2
 _MAX_NUMBER = 1e9
 """Largest magnitude, deg or mm, accepted in a reply; no quantity of an arm is larger, and a float32 can hold it."""
 _MAX_CODE = 1 << 31
+"""Number above every ``errorCode``, which has 32 bits with a sign."""
 _LONGEST_CODE = 40
 """Most characters of an ``errorCode``: it stands in messages, and Python takes long to read long numbers."""
 

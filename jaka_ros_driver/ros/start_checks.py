@@ -38,6 +38,7 @@ _LOOK_S = 0.05
 _LOG_PERIOD_S = 10.0
 """Period, s, of the error while time stands still: it must not be missed, nor fill the log."""
 _MASTER_LOOK_S, _MASTER_LOG_PERIOD_S = 0.2, 60.0
+"""Period, s, of the attempts to reach the master, and of the log: a master may be off for hours."""
 _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
 
 

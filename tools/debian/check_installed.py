@@ -19,6 +19,7 @@ import urllib.request
 from typing import Callable, Dict, Iterator, List
 
 PATIENCE_S = 240.0
+"""Longest wait, s, for a command of the installed packages: roslaunch and a driver's start on a slow machine."""
 ENVIRONMENT = {**os.environ, "ROS_HOSTNAME": "localhost", "PYTHONUNBUFFERED": "1"}
 EXECUTABLES = {"check_moveit_config": [], "jaka_bag": [], "jaka_doctor": [], "jaka_driver": [], "jaka_foxglove": [],
             "jaka_panel": [], "jaka_probe": [], "jaka_sim": ["panel", "proxy"], "migrate_cell": []}

@@ -24,6 +24,7 @@ from jaka_bag.live.session import parameter_dump
 from .model_file import read_model_file
 
 _FIRST_PERIOD_S, _PERIOD_S = 1.0, 10.0
+"""Period, s, of asking for parameters until they are known, and then: they change seldom."""
 _STA_UNSYNC = 0x40
 _TIME_ERROR = 5
 _US = 1e-6

@@ -20,7 +20,9 @@ _TOKEN = re.compile(r"""\s*(?:
   | (?P<name>[~/A-Za-z][\w/]*(?:\.[A-Za-z_]\w*|\[[0-9]+\])*)
 )""", re.VERBOSE)
 _LONGEST = 1000
+"""Most characters of a condition: each incident's page shows it."""
 _DEEPEST = 40
+"""Most brackets inside each other: Python's parser has a limit of its own, with an error that nobody understands."""
 _HIGHEST = 250
 """Levels of a tree; each term of a sum is one."""
 _CONSTANTS = {"true": True, "false": False}

@@ -9,7 +9,9 @@ from typing import Any, Dict
 from jaka_bag.errors import BagError
 
 _LARGEST = 1 << 20
+"""Largest model file, byte: far above that of any model."""
 _DEEPEST = 20
+"""Most levels of its YAML: far more than a model has."""
 _ROWS = 6
 _KEYS = {"family", "dh_standard", "joint_limits_deg", "joint_max_speed_deg_s"}
 _MORE_KEYS = {"name", "tcp_max_speed_m_s", "joint_max_acceleration_deg_s2", "tcp_max_acceleration_m_s2",

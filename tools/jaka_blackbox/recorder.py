@@ -21,7 +21,9 @@ from .triggers import Trigger, TriggerWatch
 ITEM_BYTES = 256
 """Memory that a message takes besides its payload, byte (measured: 230)."""
 _ACCOUNT_PERIOD_S = 1.0
+"""Period, s, of the counts that are kept: the account of a file is exact to so much."""
 _ANSWER_TIMEOUT_S = 10.0
+"""Longest wait, s, of a call for its file to begin; the file is made in any case."""
 _MARGIN_S = 1.0
 """Time, s, for which messages stay in memory beyond the window: they may have waited before they are examined."""
 _AFTER_MARGIN_S = 0.25

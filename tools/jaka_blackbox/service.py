@@ -19,7 +19,9 @@ MD5SUM = "937c9679a518e3a18d831e57125ea522"
 """MD5 sum of ``std_srvs/Trigger`` (``rosservice``, std_srvs 1.11)."""
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER = 1 << 16
+"""Longest header, byte, of a caller: a service's names and checksum, no definition."""
 _PATIENCE_S = 30.0
+"""Longest silence, s, of a caller: one that hangs keeps a thread and a connection so long."""
 MOST_CONNECTIONS = 16
 """Most connections at a time, each with a thread; one that is too many is closed at once."""
 _REFUSED_PAUSE_S = 0.1

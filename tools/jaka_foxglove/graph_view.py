@@ -9,6 +9,7 @@ from .outbox import SocketFrame
 from .protocol import Parameter, graph_update, parameter_of, parameters_of
 
 _PERIOD_S = 1.0
+"""Period, s, of the looks at the graph: each asks the master for all of it."""
 
 Nodes = Dict[str, List[str]]
 _OnChange = Callable[[Dict[str, Parameter], Optional[SocketFrame]], None]

@@ -26,7 +26,9 @@ from .source import ChannelSource, Recipient
 
 CLOCK_TOPIC = "/clock"
 _WATCH_PERIOD_S = 0.5
+"""Period, s, of the looks at the graph: the delay with which a new topic is shown."""
 _CLOCKWORK_S = 0.1
+"""Period, s, of the connections' own looks (retries, time limits) where no message comes."""
 _CLOCK = struct.Struct("<II")
 
 

@@ -16,13 +16,18 @@ from .protocol import PlaybackControl, channel_of
 from .source import ChannelSource, Recipient
 
 _TICK_S = 1.0 / 60
+"""Period, s, of the playback: that of a screen."""
 _READY_POLL_S = 0.005
+"""Period, s, of the looks whether the reading thread has more: it is far behind where it has not."""
 _FIRST_WAIT_S = 0.5
 """Delay, s, of the playback after the first subscription: viewers subscribe one topic after the other."""
 _BUFFERING_S = 0.3
 """Time, s, of waiting for data after which viewers see that the playback is buffering."""
 _TIME_STEP_NS = 1000000
+"""Least step, ns, of the time that viewers get: with each of thousands of messages it would be the most of the traffic.
+"""
 _MOST_IN_ONE_GO = 2000
+"""Messages sent before other viewers and requests have their turn."""
 
 
 class PlaybackOptions(NamedTuple):

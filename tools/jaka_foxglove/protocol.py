@@ -33,7 +33,9 @@ _CALL_HEAD = struct.Struct("<BIII")
 _PLAYBACK_HEAD = struct.Struct("<BBQfBI")
 _CONTROL_HEAD = struct.Struct("<BBfBQI")
 _MAX_ID = (1 << 32) - 1
+"""Largest number of a subscription or channel, which has 32 bits."""
 _LONGEST_NAME = 1000
+"""Most characters of a parameter's name, which is asked of the master."""
 _SCHEMAS_AS_BASE64 = ("protobuf", "flatbuffer")
 
 

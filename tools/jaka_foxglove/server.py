@@ -38,9 +38,11 @@ _MOST_NEW = 32
 _ROOM_S = 0.1
 """One that makes room has this time left: it may be a viewer's after all, whose request is being read."""
 _LARGEST_REQUEST = 1 << 20
+"""Longest message, byte, of a viewer: a service's request; with more it would take memory."""
 _MOST_AT_ONCE = 16
 """Requests of one viewer that may be unanswered."""
 _SENT_IN_ONE_GO = 64
+"""Frames sent before other viewers have their turn."""
 _PLAIN = "This is a server for Foxglove and Lichtblick: open it there as a Foxglove WebSocket, ws://%s\n"
 
 

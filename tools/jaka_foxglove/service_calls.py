@@ -20,11 +20,15 @@ from .protocol import Service, advertise_services, unadvertise_services
 
 _LENGTH = struct.Struct("<I")
 _PERIOD_S = 2.0
+"""Period, s, of the looks for new services: each asks the master, and new ones for their types."""
 _CONNECT_TIMEOUT_S = 5.0
+"""Longest wait, s, for a service's connection and header: a node that hangs must not keep a viewer."""
 _PATIENCE_S = 0.5
 """Time, s, that new services are waited for; one that answers later is shown later."""
 _LARGEST_HEADER = 1 << 20
+"""Longest header, byte, of a service: with more it is no service."""
 _LARGEST_REPLY = 64 << 20
+"""Longest reply, byte, of a service, which is held in memory for its viewer."""
 
 Told = Callable[[Dict[int, Service], List[SocketFrame]], None]
 """A callback for all services by number, and the frames with their changes."""

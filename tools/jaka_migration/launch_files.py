@@ -15,6 +15,7 @@ SIMPLE_MANAGER = "moveit_simple_controller_manager/MoveItSimpleControllerManager
 _ENOUGH_SCALING = 2.0
 """Scaling of the time that a plan may take, below which a speed override of a half already has it cancelled."""
 _ENOUGH_MARGIN_S = 2.0
+"""Least margin, s, of MoveIt's monitoring that is not advised against; with less a short pause has a plan cancelled."""
 _MOVEIT_SERVER = "../jaka_planner/launch/moveit_server.launch"
 _PREFIX = "trajectory_execution/"
 _MANAGER_FILE = re.compile(r"/([^/]+?)_(?:moveit_)?controller_manager\.launch(?:\.xml)?$")

@@ -10,6 +10,7 @@ from jaka_migration.package import Package
 from jaka_migration.report import ConfigReport
 
 _LONGEST_VALUE = 1000
+"""Most characters of an argument, whose names in it are replaced again and again."""
 _ARG = re.compile(r"\$\(arg\s+([^\s()]+)\s*\)")
 _DEMO = re.compile(r"/demo\w*\.launch$")
 

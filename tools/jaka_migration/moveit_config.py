@@ -28,6 +28,7 @@ NEAR_M, NEAR_RAD = 5e-3, 1e-2
 _NAME = "check_moveit_config"
 _FIND = re.compile(r"\$\(find\s+([\w-]+)\s*\)/([^'\"()$]+?\.(?:urdf(?:\.xacro)?|xacro))")
 _LONGEST_COMMAND = 10_000
+"""Most characters of a command that are searched for names: a regular expression runs over it."""
 _DESCRIPTION = """
 Reads a MoveIt configuration package and prints what fits the driver, and what must change, with file and line. Nothing
 of it is run, and no ROS is needed."""

@@ -35,7 +35,9 @@ _LONGEST_PATH = 300
 _MOST_LINKS = 30
 """Most links before the arm, or behind it, that are tried as its base or flange."""
 _LARGEST_LENGTH_M = 1e3
+"""Largest length, m, that is taken: beyond it the file is in other units, or damaged."""
 _LARGEST_ANGLE_RAD = 1e3
+"""Largest angle, rad, that is taken: beyond it the file is damaged."""
 
 
 class WrongUrdf(Exception):

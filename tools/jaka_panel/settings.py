@@ -11,11 +11,14 @@ from typing import List, Optional, Tuple
 
 PORT = 8080
 PORTS_TRIED = 20
+"""Number of ports tried, from the asked-for one on: other panels and services have some."""
 LOOPBACK = "127.0.0.1"
 _LOOPBACKS = {"0.0.0.0": LOOPBACK, "::": "::1"}
 """The loopback address by the wildcard that listens on all addresses."""
 _TOKEN_BYTES = 24
+"""Random bytes of a token: 192 bits cannot be guessed."""
 _SHORTEST_TOKEN = 16
+"""Fewest characters of a person's own token."""
 
 EPILOG = """\
 It prints the address of the page, with a token behind '#'. Without the token a page can only watch. Whoever has it can

@@ -5,6 +5,7 @@ from typing import Any, Callable, List, Optional, Tuple, TypeVar
 from jaka_bag.errors import BagError
 
 _POLL_S = 0.02
+"""Longest wait, s, before the next look whether the replay was stopped: the delay of Ctrl-C."""
 
 T = TypeVar("T")
 

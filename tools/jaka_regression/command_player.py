@@ -10,8 +10,11 @@ from .command_schedule import Planned, due
 from .driver_inputs import Input
 
 _POLL_S = 0.02
+"""Longest wait, s, before the next look at what has changed: the delay of a stop."""
 _PATIENCE = 5.0
+"""Factor over its recorded time after which a call has no end."""
 _PATIENCE_S = 60.0
+"""Time, s, beside that: short calls wait for others on a busy host."""
 
 
 class ServiceReply(NamedTuple):

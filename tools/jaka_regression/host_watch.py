@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import List
 
 EVERY_S = 0.02
+"""Period, s, of the looks: one that comes late was held up by the host, as the driver would be."""
 NOTABLE_S = 0.1
 """A pause that tolerances of time do not cover for certain."""
 

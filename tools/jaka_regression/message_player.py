@@ -20,7 +20,9 @@ from .driver_client import DriverNotThere
 from .driver_inputs import SentMessage
 
 _QUEUE = 1000
+"""Messages that wait for a slow subscriber: a replay must not lose one."""
 _POLL_S = 0.02
+"""Longest wait, s, before the next look at what has changed: the delay of a stop."""
 _STRING_LENGTH_BYTES = 4
 _HEADER_BYTES = 12 + _STRING_LENGTH_BYTES
 

@@ -36,6 +36,7 @@ _TOLD_AGAIN_NS = 10 * NS_PER_S
 _SAME_PLACE_M = 0.002
 """Distance, m, of two tools at the same joints that count as the same: noise of an arm at rest, and rounding."""
 _SAME_TURN_RAD = 0.005
+"""Angle, rad, of two tools at the same joints that count as the same."""
 _REACH_M = 2.0
 """Longest arm with a tool, m: by so much, times the joints' difference, the tools may be apart."""
 _MILLIMETRES = 10.0
@@ -45,7 +46,9 @@ _JOINTS = "/joint_position"
 _OF_THE_ARM = ("joint_path_command", "joint_trajectory_action")
 """Beginnings of the input topics that stand in an arm's namespace; the others are a node's there."""
 _LONGEST_GAP_S = 10.0
+"""Longest silence, s, of a steady topic: a longer one is a clock that was set, or no recording."""
 _STEADY_S = 1.0
+"""Usual step, s, below which a topic is steady."""
 Conditions = Mapping[str, str]
 
 

@@ -18,7 +18,9 @@ from jaka_bag.errors import BagError
 from jaka_bag.interrupts import put_off
 
 _END_S = 15.0
+"""Longest wait, s, for a process that was asked to end: a driver brings the arm to rest first."""
 _SHOWN = 1500
+"""Most characters of a process's last words in an error."""
 
 
 class ProcessFailed(BagError):

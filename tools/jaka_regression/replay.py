@@ -28,6 +28,7 @@ from .uncaused_motions import in_words, uncaused_motions
 CANDIDATE = "candidate.mcap"
 """Name of the log that a replay records, in the folder of its reports."""
 MAX_TIME_SCALE = 10.0
+"""Largest factor of the time: no computer keeps a driver's and a controller's times beyond it."""
 DRIVER_TIMED_SERVICES = ("jog", "servo_j", "servo_p", "servo_move_enable")
 """Services whose course depends on the driver's own clock (jog watchdog, servo cycle): it runs at speed 1 only."""
 LINK_EVENTS = ("boot", "close", "fault", "half_open", "reboot", "refuse", "reset", "stall")

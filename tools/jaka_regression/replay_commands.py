@@ -33,9 +33,13 @@ from .preconditions import (
 from .uncaused_motions import in_words, uncaused_motions
 
 _START_SPEED = 0.2
+"""Speed, rad/s, on the way to the place of the beginning: a person must see where it leads."""
 _START_ACCELERATION = 0.5
+"""Acceleration, rad/s2, on that way."""
 _REACH_RAD = 0.01
+"""Default distance, rad, from where the log began: the driver's own start tolerance."""
 _LOOK_S = 0.1
+"""Longest wait, s, before the next look at what was typed, or a stop."""
 _JOINTS = "/joint_position"
 _OWN_SPEED = ("play", "resume", "set_speed_slider")
 """Calls after which the arm moves at a speed that no field of theirs tells, of a program or of what was paused."""

@@ -31,8 +31,11 @@ _START_SPEED = 0.2
 _PEAK = 1.875
 """The highest speed of a quintic from rest to rest, over its mean."""
 _SHORTEST_MOVE_S = 1.0
+"""Shortest time, s, of the way to the beginning: a short one must be seen."""
 _REACH_RAD = 0.01
+"""Default distance, rad, from the beginning: the driver's own start tolerance."""
 _LARGEST_FACTOR = 10.0
+"""Largest factor of the recorded speed that can be asked for; limits hold in any case."""
 
 EPILOG = """\
 Takes the joints of the log, whatever moved them: a program, a jog, a hand. Standstill at both ends is cut, measurement

@@ -21,10 +21,12 @@ from .processes import ChildProcess, ChildProcesses, ProcessFailed
 from .scenario import BEGIN, ArmSetup, CauseKind, ControllerEvent, EventCause, Scenario
 
 _START_S = 60.0
+"""Longest wait, s, for a process to be there: imports of ROS on a busy host."""
 _RECORDER = "/recorder"
 _LAST_OFFERED = "stop_move"
 """A service of each driver. A driver offers its services after its topics."""
 _TAIL_S = 0.7
+"""Time, s, that is recorded behind the golden log's end: what comes a little later must not be missed."""
 _PATIENCE_ALONE_S = 0.5
 """Longest wait, s, for a recorded request where no calls are made: all but the driver's own will not come."""
 

@@ -23,7 +23,9 @@ from .driver_client import DriverNotThere
 ACTION_TYPE = "control_msgs/FollowJointTrajectoryAction"
 _SUFFIX = "/follow_joint_trajectory"
 _POLL_S = 0.1
+"""Longest wait, s, before the next look whether the motion was stopped."""
 _BRAKE_S = 5.0
+"""Longest wait, s, for the result of a goal that was cancelled: it comes when the arm has braked."""
 _SILENCE_S = 10.0
 """Silence, s, after which the action server counts as gone; it publishes its state five times a second."""
 _SEPARATOR = "=" * 80 + "\nMSG: %s\n"

@@ -19,13 +19,15 @@ UNSEEN_START_S = START_WINDOW_S + 0.2
 """Longest time, s, until then where no frame comes that would show it: two of the slowest feed."""
 NOT_SEEN_TO_BEGIN = "accepted, but the arm was not seen to move"
 _JOINT_TOLERANCE = 0.01
-_POSITION_TOLERANCE = 0.002
-_ANGLE_TOLERANCE = 0.02
-"""Largest distances from a target that count as there: joints rad, position m, orientation rad.
+"""Largest distance of a joint, rad, from its target that counts as there.
 
-With larger ones a move that was stopped short of its target would count as completed; with smaller ones an arm that
+With a larger one a move that was stopped short of its target would count as completed; with a smaller one an arm that
 settles beside it would not.
 """
+_POSITION_TOLERANCE = 0.002
+"""The same for the tool's position, m."""
+_ANGLE_TOLERANCE = 0.02
+"""The same for the tool's orientation, rad."""
 _LONGEST_FRAME_TIME_S = 0.1
 """Longest interval, s, between two frames of a feed in good order."""
 _LEVER = 0.1

@@ -12,7 +12,9 @@ from .main import printable
 from .quantities import positive_ns, time_point
 
 _PROGRESS_S = 0.1
+"""Least time, s, between two drawings of the bar: more often nobody sees, and a terminal takes time."""
 _WIDTH = 24
+"""Characters of the bar: with name, share and speed the line fits into 80 columns."""
 TIME_HELP = "2m, 5s, 1:30 after the log's start; -2m: before its end; absolute from 1e8 s on, and as 'info' prints it"
 
 

@@ -28,6 +28,8 @@ _TIME = struct.Struct("<II")
 _LAST_CLOCK_NS = (1 << 32) * NS_PER_S - 1
 _CLOCK_DEFINITION = "time clock\n"
 _PATIENCE_S = 30.0
+"""Longest wait, s, at the end of a log for subscribers that have not read all; one that hangs must not hold up for
+ever."""
 
 EPILOG = """\
 Messages go out as they were recorded: type, md5, definition, latching, bytes. Every subscriber gets every message at

@@ -12,6 +12,7 @@ from ..units import NS_PER_S
 
 _NANOSECONDS = {"": NS_PER_S, "ms": NS_PER_S // 1000, "s": NS_PER_S, "m": 60 * NS_PER_S, "h": 3600 * NS_PER_S}
 _LONGEST_S = 1 << 33
+"""Largest time or duration, s: beyond it, in ns, none fits into the 64 bits of a log."""
 _ABSOLUTE_FROM = 100000000
 """Seconds from here on are taken as seconds since the epoch (1973), below as offsets."""
 _CLOCK = re.compile(r"^(?:([0-9]+):)?([0-9]+):([0-5]?[0-9](?:\.[0-9]+)?)$")

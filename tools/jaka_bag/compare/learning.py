@@ -14,19 +14,23 @@ from .tolerances import Envelope, Tolerances
 from .verdict import Aspect, Check, Comparison, ResidualKey
 
 FEWEST_RUNS = 3
+"""Fewest runs to learn from: of two no spread is known."""
 FLOOR = 0.25
 """Least learned limit, as a share of the limit without learning: a few runs do not show all that a host does."""
 _SPREADS = 6.0
 """A limit lies this many spreads above the median; and above the largest amount seen, by ``_ABOVE``."""
 _ABOVE = 1.5
+"""Factor over the largest amount seen; 1 would fail a good run that is as bad as the worst one."""
 _NORMAL = 1.4826
 """The standard deviation of a normal distribution, in median absolute deviations."""
 _BIN_S = 0.5
+"""Shortest stretch, s, with a limit of its own: in a shorter one few samples decide."""
 _BINS = 200
 """A long log has this many stretches, a short one has some of ``_BIN_S``."""
 _STEPS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """Digits of a learned limit: neighbours that are nearly alike become one, and a person can read them."""
 _RESOLUTION = 0.05
+"""Share of its limit from which on an amount is measured exactly: what is learned are amounts far below the limits."""
 
 _TIMES: Tuple[Tuple[Aspect, str, str, str], ...] = (
     (Aspect.TIMING, "motions", "timing", "event_s"), (Aspect.TIMING, "waits", "timing", "wait_s"),

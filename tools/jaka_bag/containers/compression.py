@@ -13,6 +13,7 @@ from .index import Buffer, read_at
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
+"""Level of Zstandard, 1 to 22: the fastest of them, because a recorder has to keep up."""
 _WINDOW = 256 << 20
 """Bytes that one chunk may unpack to: they are in memory at once, whatever the file's size."""
 _BARREN_FLOOR, _BARREN_RATIO = 512 << 20, 10
@@ -26,8 +27,11 @@ _LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
 """Environment variable, MB, that raises all limits for a file that is trusted."""
 
 _PIECE = 4096
+"""Bytes given to a decoder at first; what lies before damage is lost for no more than a piece."""
 _STEP = 1 << 16
+"""Bytes taken from a decoder at a time: it must not make a gigabyte of a kilobyte before it is stopped."""
 _READ = 1 << 20
+"""Bytes read at a time: memory stays bounded."""
 _WHOLE_FLOOR, _WHOLE_RATIO = 1 << 30, 1000
 """The limit of what a file that is compressed as a whole may claim, which goes to the disk."""
 

@@ -13,11 +13,13 @@ _IS_PLAIN = 1 << 31
 _WINDOW = 1 << 16
 """Bytes that a block can refer back to."""
 _LEAST_MATCH = 4
+"""Bytes of the shortest match, which LZ4's format does not count."""
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _IS_ONE_BYTE = 1
 """Type of a Zstandard block that repeats one byte."""
 _LARGEST_BLOCK = 1 << 17
 _MOST_ODD = 16
+"""Bytes of what is no frame that are passed on: enough for a library to refuse it."""
 
 
 def cut_off_part(frame: bytes, before: bytes, most: int, is_cut: bool) -> bytes:

@@ -19,6 +19,7 @@ from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, r
 
 Self = TypeVar("Self", bound="LogWriter")
 _LOOKUP_LIMIT = 1 << 20
+"""Largest connection number for which a table by number is made: a damaged one would take gigabytes."""
 _NOT_DESCRIBED = "messages of a connection that the log does not describe"
 
 
@@ -327,6 +328,7 @@ class LogWriter:
     codecs: Tuple[str, ...] = ()
     usual_codec = "none"
     usual_chunk_size = 1 << 20
+    """Bytes of a chunk before compression: a larger one compresses little better, and is lost as a whole."""
     is_for_ros1 = False
     """The flag that ROS 1's own tools must be able to decompress the chunks."""
 

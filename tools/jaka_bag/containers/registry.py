@@ -66,6 +66,7 @@ FORMATS = (
            "jaka_bag.containers.sqlite_recovery:SqliteRecovery"),
 )
 _PIECE = 1 << 20
+"""Bytes of a piece that a signature covers; a change is located to so many bytes."""
 _BEGINNING = 1 << 20
 """Bytes of each chunk in which a first message is looked for before whole chunks are unpacked."""
 ROSBAG2_READER = "jaka_bag.containers.rosbag2_reader:Rosbag2Reader"

@@ -12,7 +12,9 @@ from .index import ChunkRef
 from .interface import LogReader, Message
 
 _PIECE = 1 << 20
+"""Payload, byte, of a batch: what follows holds one in memory."""
 _MOST_HELD = 1 << 18
+"""Messages of a batch, for those without bytes."""
 HELD_BYTES = 32 << 20
 """Chunk contents kept while chunks overlap in time; beyond it they are read again when their turn comes."""
 

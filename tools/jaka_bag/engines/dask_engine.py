@@ -23,7 +23,9 @@ CONNECT_S = 20.0
 RETURN_S = 120.0
 """Time limit, s, for the absence of the scheduler, or of all workers, in the middle of the work."""
 _LOOK_S = 2.0
+"""Longest wait, s, before the next look at scheduler and workers: the delay with which a loss is seen."""
 _IN_FLIGHT = 1024
+"""Tasks with the scheduler at a time: many workers stay busy, and a fleet of any size takes no more of its memory."""
 _TOGETHER = 32
 """Number of tasks in one message: a message for each would cost the scheduler 6 ms of its processor time."""
 _TRIES = 5

@@ -11,6 +11,7 @@ from ..errors import ConnectionLost, ProtocolError
 from .graph import RemoteNode
 
 _ASK_TIMEOUT_S = 1.0
+"""Longest wait, s, for one publisher's counts: one that hangs must not hold up the end of a recording."""
 
 
 def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, int]:

@@ -102,6 +102,7 @@ class _Handler(xmlrpc.server.SimpleXMLRPCRequestHandler):
     protocol_version = "HTTP/1.1"
     rpc_paths = ()
     timeout = 60.0
+    """Longest silence, s, of a peer; then its thread ends. Masters keep a connection open between calls."""
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Suppress reports of peers that are silent or go away."""

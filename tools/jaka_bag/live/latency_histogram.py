@@ -3,6 +3,7 @@ import math
 from typing import List
 
 _BINS_PER_OCTAVE = 8
+"""Bins for each doubling: a quantile is exact to 9 %."""
 _BINS = 40 * _BINS_PER_OCTAVE
 
 

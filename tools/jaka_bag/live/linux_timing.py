@@ -17,6 +17,7 @@ _SCHED_ATTR = struct.Struct("=IIQiIQQQ")
 _SLICE_NS = 100000
 """Time slice asked for, the shortest there is (Linux 6.12 and newer): a waking thread with a short slice goes first."""
 _SWITCH_INTERVAL_S = 0.0002
+"""Longest time, s, that a Python thread keeps the others waiting: 5 ms unless set, which every message would show."""
 
 
 def _ask_for_slice(libc: ctypes.CDLL, slice_ns: int) -> None:

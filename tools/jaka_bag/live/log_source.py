@@ -16,9 +16,11 @@ from ..messages.selection import MessageFilter, Selection, unmatched
 from .publisher import frame_of
 
 _BATCH = 512
+"""Messages in one batch: the reading thread hands over seldom, and the first one is there soon."""
 _AHEAD = 32
 """Batches read ahead; with state-size messages this is some seconds of a log."""
 _AHEAD_BYTES = 32 << 20
+"""Bytes read ahead, where messages are large: of images 32 batches would be gigabytes."""
 
 
 class Timed(NamedTuple):

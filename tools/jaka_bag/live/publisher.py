@@ -24,8 +24,11 @@ _LENGTH = struct.Struct("<I")
 _REFUSED_PAUSE_S = 0.1
 """Pause, s, after the system has refused a connection: descriptors run out and come free again."""
 _HANDSHAKE_TIMEOUT_S = 5.0
+"""Longest wait, s, for a subscriber's header: one that sends none keeps a thread so long."""
 _MAX_HEADER = 1 << 20
+"""Longest header, byte, of a subscriber: it holds the definition of its type at most."""
 _SLOW_NOTICE_S = 1.0
+"""Time, s, without a byte read after which a subscriber is named as slow."""
 
 
 class _Link:

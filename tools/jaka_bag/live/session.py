@@ -20,11 +20,17 @@ from .topic_selection import TopicSelection
 from .writer_thread import CLOCK_TOPIC, WriterThread
 
 _WATCH_PERIOD_S = 0.2
+"""Period, s, of the looks at the graph: a new publisher's first messages are missed for so long at most."""
 _STATISTICS_PERIOD_S = 5.0
+"""Period, s, of asking publishers for their counts: each is asked by a call of its own."""
 _STATISTICS_WAIT_S = 1.5
+"""Longest wait, s, for all of them; what does not answer is left out of the account."""
 _DRAIN_S = 0.5
+"""Longest wait, s, at the end for messages that publishers say they have sent."""
 _POLL_S = 0.1
+"""Longest wait, s, for messages: the delay with which an end is seen."""
 _LOSS_NOTICE_PERIOD_S = 10.0
+"""Least time, s, between two notices of losses, which may go on for hours."""
 _ABSENT_NOTICE_S = 5.0
 """Time, s, after which topics that are asked for by name and not published are named."""
 _INTERFACE_PERIOD_S = 0.5

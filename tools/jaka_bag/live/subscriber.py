@@ -21,9 +21,13 @@ from .names import NodeNames, host_address
 from .tcpros import Deliver, PublisherLink, resolve
 
 _FIRST_RETRY_S = 0.1
+"""First pause, s, before a connection is tried again; it doubles from try to try."""
 _LAST_RETRY_S = 5.0
+"""Longest pause, s: a publisher that is restarted is found so late, one that hangs is asked so seldom."""
 _HOUSEKEEPING_S = 0.1
+"""Period, s, of the looks at connections that are due: retries and time limits need no more."""
 _MAX_EVENTS = 256
+"""Links served in one round, before the looks that are due: a busy graph must not put them off."""
 
 Accept = Callable[[Connection], bool]
 """A decision whether a publisher's stream on a subscribed topic is wanted."""

@@ -22,10 +22,15 @@ _SO_TIMESTAMPNS = 35
 """Linux socket option, and the type of its control message (asm-generic/socket.h); absent from Python's socket."""
 _CONTROL_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 _SMALL_READ = 16 * 1024
+"""Bytes read where no long message is under way: many short ones at once."""
 _LARGE_READ = 1024 * 1024
+"""Bytes read at most of a long message: other links must not wait for it."""
 _MAX_HEADER = 16 * 1024 * 1024
+"""Longest header, byte, of a publisher: it holds the definition of its type; with more it is no publisher."""
 _MAX_MESSAGE = 1 << 30
+"""Longest message, byte: 1 GB, as roscpp's own limit; with more the length is damage."""
 _CONNECT_TIMEOUT_S = 5.0
+"""Longest wait, s, for a connection and its headers, before it is tried again."""
 _CLOCK_STEP_NS = 128000000
 """The least, ns, by which a clock that was set goes back: ntpd slews what is less (its step threshold).
 

@@ -11,10 +11,13 @@ else:
 _GATHER_LIMIT = 4096
 """Payloads above this size, byte, are copied one by one: memcpy then wins over index arrays."""
 _GATHER_ROWS = 8
+"""Fewest payloads of one length that are copied together: for fewer an index array costs more than it saves."""
 _MAX_GAPS = 64
+"""Most stretches that are kept apart; with more all bytes are taken as they are."""
 _MOST_IN_PIECE = 1 << 18
 """Messages in one piece of a batch, for those without bytes."""
 _ROWS = 1 << 16
+"""Rows that are kept as Python objects before they are packed into an array, which takes less memory."""
 
 
 class MessageBatch:

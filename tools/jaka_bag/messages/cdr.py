@@ -15,6 +15,7 @@ from .ros2_types import Ros2Type
 _MAP_LIMIT = 8192
 """Larger messages, byte, go through rosbags one by one: there it copies whole arrays."""
 _WORTH_A_MAP = 8
+"""Fewest messages of one layout for which its map is learned: learning takes as long as some messages."""
 _MOST_COUNTED = 512
 """Layouts of which anything is kept: more than the finder knows again, which keeps the first ones."""
 

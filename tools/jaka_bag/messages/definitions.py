@@ -15,6 +15,7 @@ PRIMITIVE_SIZES = {
 """Size on the ROS 1 wire, byte; ``string`` is the one built-in type without a fixed size."""
 
 _DEEPEST = 60
+"""Most types inside each other: far more than real ones have, and Python's stack ends."""
 _MOST_FIELDS = 5000
 """Fields of a type with those of all types in it, beyond which a definition is taken for an attack."""
 _MOST_MESSAGES = 2000000

@@ -17,7 +17,9 @@ from ..json_text import load_json
 
 _BREAK = "=" * 80
 _DEEPEST = 20
+"""Most levels of a JSON Schema, and references one after the other: far more than real ones have."""
 _MOST_FIELDS = 5000
+"""Fields of a JSON Schema, beyond which it is taken for an attack: references multiply them."""
 _U32 = struct.Struct("<I")
 _Write = Callable[[Any], bytes]
 """A function from a value as ``json`` gives it, None where it is missing, to its bytes in a ROS 1 message."""

@@ -15,7 +15,9 @@ from .encodings import as_ros1, ros1_form, types_of
 
 _U32 = struct.Struct("<I")
 _MAX_CACHED = 256
+"""Layouts that are known again; messages of ever new lengths must not fill the memory."""
 _MOST_EMPTY = 10000
+"""Largest array of messages without bytes: its length says nothing that the message's bytes bound."""
 _MOST_VALUES = 2000000
 """Values that the arrays of messages in one message may hold, and fields that it may have, together."""
 

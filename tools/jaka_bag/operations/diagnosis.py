@@ -18,6 +18,7 @@ from .convert import OnProgress
 DAMAGED, LIMITED, ODD, WHOLE = "damaged", "limited", "odd", "whole"
 _EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"
 _MOST_LOSSES = 8
+"""Losses of a kind that are listed; the rest is counted."""
 _LEVELS = ("error", "limit", "warning", "note")
 """Levels of findings, the worst first."""
 

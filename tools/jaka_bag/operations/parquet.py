@@ -14,6 +14,7 @@ from ..messages.layout import Leaf, is_bytes
 from ..messages.table_names import column_names
 
 _ROW_GROUP_BYTES = 8 << 20
+"""Bytes of messages in a row group: memory stays bounded, and a reader skips what it does not want."""
 
 
 def load_pyarrow() -> Tuple[Any, Any]:

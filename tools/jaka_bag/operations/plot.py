@@ -19,7 +19,9 @@ from .tool_poses import POSE_FIELDS, are_numbers, tool_poses
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
+"""Points of a curve: more than any screen or page has pixels across."""
 _MOST_CHANGES = 100000
+"""Changes of a state that are drawn; a field that changes with each message is no state."""
 _LEAST_GAP_S, _USUAL_INTERVALS, _STEADY = 0.3, 8.0, 20
 """Gap, s and in usual intervals, over which no line is led; how many steps show what is usual."""
 _FLAGS = ("power_state", "servo_state", "collision_state")

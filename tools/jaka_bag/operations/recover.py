@@ -16,9 +16,11 @@ from ..paths import PathLike
 from .convert import OnProgress, add_channels, copy_extras, refuse_same_file, size_of, with_md5, write_in_order
 
 _MAX_PIECE = 4 << 20
+"""Payload, byte, that is written at once: progress shows, and memory stays bounded."""
 ACCOUNT = "jaka_bag.recovery"
 """Name of the metadata with the losses that a recovered MCAP has."""
 _MOST_IN_ACCOUNT = 1000
+"""Most losses in the account; a file that is damaged all over would have millions."""
 
 
 class Recovered(NamedTuple):

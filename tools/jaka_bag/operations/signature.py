@@ -23,7 +23,9 @@ from ..paths import PathLike
 SUFFIX = ".sig"
 _FORMAT = "jaka_bag signature 1"
 _BLOCK = 1 << 20
+"""Bytes hashed at a time: memory stays bounded."""
 _MOST_TEXT = 1 << 28
+"""Longest signature, byte, that is read: that of a log of 2 TB, with 120 bytes for each MB."""
 
 
 class Verification(NamedTuple):

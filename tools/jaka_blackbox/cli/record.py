@@ -66,6 +66,7 @@ NODE = "jaka_black_box"
 _DRIVER = "jaka_driver"
 _SERVICE = "~trigger"
 _BEFORE_S, _AFTER_S = 60.0, 20.0
+"""Time, s, that is kept before and after a trigger: what led to it, and how the arm came to rest."""
 _CLOCK_WAIT_S = 2.0
 """Longest wait of messages for the first ``/clock``, s: triggers are looked for behind it."""
 _TRIGGERS = ("error", "emergency stop", "collision", "failed service call", "diagnostics ERROR", "service ~trigger",

@@ -29,11 +29,14 @@ JOINT_TYPE = "sensor_msgs/JointState"
 POSE_TYPE = "geometry_msgs/TwistStamped"
 _POSE_NAME = "tool_position"
 _BEFORE_S, _AFTER_S = 60.0, 20.0
+"""Time, s, shown before and after a trigger of a log that does not say its own: the recorder's usual times."""
 _AXES = ["twist.linear." + axis for axis in "xyz"]
 _SILENCES, _LEAST_SILENCE_S, _USUAL_INTERVALS = 40, 0.2, 8.0
+"""Silences that are shown; one is longer than this, s, and than so many usual steps: a busy host makes less."""
 _STATUS_LASTS_S = 3.5
 """Time, s, without a status of diagnostics, which come once a second, after which it is not reported any more."""
 _STEADY = 20
+"""Fewest steps of a topic that show what is usual."""
 
 
 class RecordedTrigger(NamedTuple):

@@ -19,9 +19,13 @@ from .seconds import AT_REST, Second, seconds_of
 
 _Item = TypeVar("_Item")
 _POINTS = 1100
+"""Points of a curve: about one for each pixel of its width."""
 _PATH_POINTS = 3000
+"""Points of the tool's path, which has no width of pixels: corners stay sharp, and the page small."""
 _MOST_ROWS = 2000
+"""Rows of a table: a browser shows so many at once; the rest is counted."""
 _MOST_TRIGGERS = 20
+"""Triggers in the headline; all are in their seconds below."""
 _LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
            ("overflowed", "thrown away, the recorder's memory was full"), ("unwritten", "not written"))
 _MORE_STYLE = """

@@ -9,9 +9,11 @@ from jaka_bag.compare.checks.state_checks import state_name
 from .loading import Incident, Motion
 
 _LONGEST = 240
+"""Most characters of a line of the account, so that a message of any length leaves it readable."""
 AT_REST = 0.01
 """Speed, rad/s, below which a joint counts as still here."""
 _TOOL_AT_REST = 0.001
+"""Speed, m/s, below which the tool counts as still here: noise of positions and of their differences."""
 
 
 class IncidentEvent(NamedTuple):

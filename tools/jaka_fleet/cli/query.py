@@ -13,7 +13,9 @@ from jaka_bag.output_file import OutputFile, check_output
 from ..dataset.query import DataSet
 
 _MOST_ROWS = 200
+"""Most rows of a table on a terminal; files get all."""
 _WIDEST = 60
+"""Most characters of a cell on a terminal."""
 
 EPILOG = """\
 The tables are runs (a row a log) and the topics, /jaka_driver/robot_states as jaka_driver_robot_states or, where no

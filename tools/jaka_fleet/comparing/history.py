@@ -15,6 +15,7 @@ CYCLE = "cycle time"
 _LEAST_OF_LIMIT = 0.05
 """A change by less than this share of the limit is no drift."""
 _LEAST_OF_PACE = 0.2
+"""The same for the cycle time: waits for people and machines make it vary more than joints do."""
 GROUPS: Dict[str, Tuple[Aspect, ...]] = {
     "topics": (Aspect.TYPES, Aspect.COUNTS, Aspect.RATES, Aspect.JITTER, Aspect.GAPS, Aspect.LOST, Aspect.STAMPS),
     "timing": (Aspect.ALIGNMENT, Aspect.TIMING, Aspect.PACE, Aspect.LATENESS),

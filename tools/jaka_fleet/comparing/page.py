@@ -21,12 +21,16 @@ from .summary import WORST, day, drift_title, drift_words, run_words, shown, sho
 _MOST_CELLS = 12
 """Number of cells that are drawn; the tables have all."""
 _MOST_ROWS = 400
+"""Most cells in the picture: one more row each."""
 _MOST_BARS = 1500
+"""Most runs of a cell in the picture: more than it has pixels across."""
 _MOST_DRIFTS = 20
+"""Drifts with a picture; the rest is listed."""
 _DRAWN_UP_TO = 2.5
 """Margins beyond are drawn here: one wild run would make all others a line at the bottom."""
 _DAY_NS = 86400 * NS_PER_S
 _LINES = 8
+"""Number of colours of lines; further ones begin again."""
 _MORE_STYLE = """
 :root{--l0:#1d4fd7;--l1:#dc2626;--l2:#15803d;--l3:#8b2fc9;--l4:#a16207;--l5:#0e7490;--l6:#be185d;--l7:#5b6675}
 @media (prefers-color-scheme:dark){:root{--l0:#7aa5ff;--l1:#ff8a80;--l2:#6fdc95;--l3:#cf9bf5;--l4:#f0b62e;

@@ -12,7 +12,9 @@ from .store import Setup, finite
 from .trend import Slope
 
 WORST = 10
+"""Number of runs in the list of the worst ones: a person opens some."""
 _SHOWN_DRIFTS = 8
+"""Drifts in the summary of a terminal."""
 _HUNDRED = 100.0
 
 

@@ -22,6 +22,7 @@ from .outcome import RunOutcome, outcome_of
 RESOLUTION = 0.02
 """Amounts are exact from this share of their limit on, so that a drift shows long before it matters."""
 _BLOCK = 1 << 20
+"""Bytes hashed at a time: memory stays bounded."""
 
 
 class CompareSettings(NamedTuple):

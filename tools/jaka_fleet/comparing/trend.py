@@ -9,16 +9,22 @@ from jaka_bag.messages.batch import Array
 _MOST_POINTS = 600
 """More points are taken together in medians: slopes are made of all pairs."""
 _Z_95 = 1.959964
+"""Quantile of the normal distribution for a two-sided confidence of 95 %."""
 _MAD_TO_SIGMA = 1.4826
 """Standard deviation / median absolute deviation of a normal distribution."""
 _FEWEST = 8
+"""Fewest runs in which a change is looked for: ``_END`` behind it, and some more before, to know the noise."""
 _REACH = 4
 """An outlier is seen among so many neighbours to either side."""
 _OUTLIER_SIGMA = 4.0
+"""Standard deviations beyond which a value is an outlier: of good ones 1 of 16,000 is."""
 _SURE = 10.0
 """Margin by which the Bayesian information criterion must be better for a change than for none."""
 _CHANGE_SIGMA = 4.0
+"""Least change, in standard deviations of the noise, that is worth telling; a smaller one may be sure, and means
+nothing."""
 _ROUNDING = 1e-9
+"""Change, as a share of the mean, that is rounding of floats."""
 _END = 3
 """Number of runs up to which a change cannot be distinguished from outliers."""
 

@@ -17,6 +17,7 @@ from .runs import RESERVED, check_version, folder_of, read_table, with_plain_tim
 from .store import open_store
 
 _BATCH_ROWS = 100000
+"""Rows fetched at a time: memory stays bounded."""
 _RENAMED = {name + end for name in RESERVED for end in ("", "_")}
 _PATH = "path of the file"
 """Name of DuckDB's column where a field is called ``filename``: one that no field has."""

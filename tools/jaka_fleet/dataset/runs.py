@@ -28,7 +28,9 @@ COMPRESSION = "zstd"
 _VERSION_FILE = "_jaka_bag.json"
 _VERSION_KEY = "jaka_bag.schema_version"
 _ROW_GROUP_ROWS = 10000
+"""Rows of a row group: a query reads those of the runs that it wants."""
 _LONGEST_NAME = 240
+"""Most characters of a folder's name, of 255 that a file system takes."""
 _SUFFIX = ".parquet"
 
 

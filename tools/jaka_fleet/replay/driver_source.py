@@ -15,6 +15,7 @@ _NODE = Path("ros") / "node.py"
 _INSTALLED = Path("lib") / "python3" / "dist-packages"
 _WANTED = (".py", ".yaml")
 _GIT_S = 60.0
+"""Longest wait, s, for git, which may ask a server."""
 
 
 class DriverSource(NamedTuple):

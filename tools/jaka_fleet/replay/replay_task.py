@@ -20,6 +20,7 @@ from .stage_process import RESULT, STAGE
 _PATIENCE_S = 300.0
 """A stage may take so much longer than four times its log."""
 _LOOK_S = 0.1
+"""Longest wait, s, before the next look whether the task was ended."""
 _REPORTS = ("report.html", "report.xml", "report.json", "candidate.mcap")
 
 _one_stage = threading.Lock()

@@ -30,14 +30,19 @@ FRACTION = 0.1
 """Share of the driver's own jog limits with which everybody begins."""
 SPACES = ("joint", "base", "tool")
 _WINDOW_S = 10.0
+"""Time, s, over which a page's quickest heartbeat is known: clocks drift, and ways change."""
 _MOVED_RAD = 1e-4
+"""Change of a joint, rad, that is a motion and no noise."""
 _STEP_GAIN = 3.0
 """1/s; a step is slower the nearer it is to its end."""
 _SLOWEST_SHARE = 0.02
+"""Least speed of a step, as a share of the full one: with less its end is never reached."""
 _STEP_DONE_SHARE = 0.02
+"""Share of a step that may be missing at its end: a small step is exact to ``_STEP_DONE``."""
 _STEP_DONE = {"length": 2e-5, "angle": 5e-5}
 """Distance to the end of a step, m and rad, at which the step is done."""
 _LARGEST_STEP = {"length": 0.1, "angle": 0.35}
+"""Largest step, m and rad: what a person sees at once, and can take back."""
 
 
 class JogSpeedLimits(NamedTuple):

@@ -8,9 +8,13 @@ from typing import Any, Mapping
 from jaka_ros_driver.audit.log import AuditLog
 
 _DAYS = 1826.0
+"""Days for which changes are kept: five years."""
 _BEGIN_S = 2.0
+"""Longest wait, s, for the first line on the disk, before a page is told that the log does not write."""
 _END_S = 2.0
+"""Longest wait, s, at the end for lines that are not on the disk."""
 _LOOK_S = 0.02
+"""Period, s, of the looks whether the log has begun."""
 START, CHANGE, END = "start", "cell", "end"
 
 

@@ -13,18 +13,28 @@ FORMAT, VERSION = "jaka-cell", 1
 LARGEST = 256 * 1024
 """Most bytes of a cell's text."""
 MOST_ENTRIES = 500
+"""Most entries of a section: pages show them in one list, and all of a cell is 256 kB."""
 MOST_STEPS = 200
+"""Most steps of a motion list: as many as a plan takes (``plans.motion_list``)."""
 _MOST_ARMS = 16
+"""Most arms of a cell."""
 _LONGEST_NAME = 60
+"""Most characters of a name, which a page shows on a button."""
 _LONGEST_TEXT = 200
+"""Most characters of a note, which is one line."""
 _LONGEST_NUMBER = 18
+"""Most digits of a whole number: Python takes long for long ones, and 18 fit into 64 bits."""
 _MOST_VALUES = 60
+"""Most values of an object of a page's own making."""
 _DEEPEST = 12
+"""Most levels of a cell's JSON: its own sections have six, and Python's stack ends."""
 _ARM = re.compile(r"(/[A-Za-z0-9_]+){1,8}\Z")
 _TERMINAL = re.compile(r"[a-z_]{1,30}\.(di|do|ai|ao|r)\.[0-9]{1,4}\Z")
 _KEY = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}\Z")
 _FAR_M, _TURN_RAD, _JOINT_RAD, _HEAVY_KG, _LONG_S = 100.0, 100.0, 100.0, 1000.0, 3600.0
+"""Largest numbers that are taken, beyond any arm or cell: they find other units, the driver has the limits."""
 _FAST_M_S, _FAST_RAD_S = 10.0, 20.0
+"""Largest speeds that are taken, for the same reason."""
 
 Entries = Dict[str, Dict[str, Dict[str, Dict[str, Any]]]]
 _Check = Callable[[Any, str], None]

@@ -30,11 +30,15 @@ _LOG = logging.getLogger(__name__)
 STALE_S = 0.3
 """Age, s, above which joints are shown as stale and nobody jogs by them."""
 KEPT_CALLS = 50
+"""Newest calls that a page that comes later gets."""
 _LONGEST_TEXT = 2000
+"""Most characters of a request or answer, which every page gets."""
 _WHOLE = re.compile("-?[0-9]{1,9}")
 _IO_PERIOD_S = 0.1
+"""Least time, s, between two messages of terminals to a page: a person sees no more than 10 Hz."""
 _STOPS = ("stop_move", "stop_motion")
 _PENDING = 2000
+"""Most samples that wait for the pages' loop: 16 s at 125 Hz; then the oldest are dropped, as it is far behind."""
 _BANKS = ("cabinet", "tool", "extension", "modbus_slave", "profinet_slave", "ethernet_ip_slave")
 _MODES = {2: "auto", 1: "manual"}
 _PROGRAM_STATES = {0: "idle", 1: "loading", 2: "paused", 3: "running"}

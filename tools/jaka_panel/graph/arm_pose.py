@@ -16,9 +16,13 @@ from .requests import CallResult
 from .rotations import vector_from_quaternion
 
 WAIT_S = 2.0
+"""Longest wait, s, for the transforms of a driver: ``/tf_static`` is latched, ``/tf`` comes with each pose."""
 _STILL_RAD = 2e-4
+"""Largest change, rad, of a joint at rest: noise."""
 _REST_S = 0.15
+"""Time, s, for which the arm must be seen at rest: more than ten samples at 125 Hz."""
 _LOOK_S = 0.02
+"""Period, s, of the looks at the clock meanwhile."""
 _TF = "/tf"
 
 

@@ -17,7 +17,9 @@ _JOINT = re.compile(r"joint_[1-6]\Z")
 _TEXTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")
 _MESHES = (".stl", ".dae", ".obj", ".mtl", ".gltf", ".glb", ".bin")
 _LARGEST = 100 * 1024 * 1024
+"""Largest file of a robot's description, byte, that pages get: meshes have some MB."""
 _URDF_TIMEOUT_S = 20.0
+"""Longest wait, s, for the URDF of a model, made by a process that imports ROS."""
 
 
 class Description:

@@ -17,10 +17,14 @@ from .requests import REQUESTS, CallResult, is_same
 from .trajectories import START_TOLERANCE_RAD
 
 PLAN_S = 60.0
+"""Longest wait, s, for a plan; a page must not wait for ever, and the work is one thread's."""
 ACTION, ACTION_TYPE = "move_path", "jaka_msgs/MovePathAction"
 _CONNECT_S = 5.0
+"""Longest wait, s, for the driver's action server."""
 _SETTLE_S = 2.0
+"""Longest wait, s, until the arm is seen where the last part ended: topics come a little behind the result."""
 _LOOK_S = 0.05
+"""Period, s, of the looks whether the list was cancelled: with it a stop takes no longer."""
 
 
 def is_offered(driver: Driver) -> bool:

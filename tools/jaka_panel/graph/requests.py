@@ -21,13 +21,19 @@ from .rotations import rpy_from_vector, vector_from_rpy
 
 BANKS = {"cabinet": 0, "tool": 1, "extension": 2}
 SHORT_S, LONG_S, MOTION_S = 10.0, 60.0, 86400.0
+"""Longest wait, s, for an answer: of a short call, of one that powers the arm, and of a motion."""
 _COLLISION_VALUES = {1: 25, 2: 50, 3: 75, 4: 100}
 _FAILURE = 9998.0
 _LONGEST_NAME = 100
+"""Most characters of a name in a request."""
 _READ_BACK = 1e-3
+"""Largest difference, as a share or absolute, of an output that was read back: it has the driver's float32."""
 _DEFAULT_JOINT_ACCELERATION = 2.0
+"""Acceleration of a page's joint move, rad/s2: a sixth of the highest, so that a person sees what begins."""
 _DEFAULT_ACCELERATION = 0.5
+"""Acceleration of a page's linear move, m/s2."""
 _SAME_M, _SAME_RAD = 0.0005, 0.005
+"""Distances, m and rad, of two poses that are one (``is_same``): rounding on the wire, and the kinematics' own."""
 Args = Mapping[str, Any]
 """The arguments of a page's request, by name, as its JSON has them."""
 

@@ -10,6 +10,7 @@ from jaka_bag.live.tcpros import encode_header
 
 _LENGTH = struct.Struct("<I")
 _LONGEST = 1 << 20
+"""Longest answer, byte, of a stop; with more the link is no driver's."""
 Address = Tuple[str, int]
 
 

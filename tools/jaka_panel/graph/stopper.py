@@ -21,6 +21,7 @@ _SECOND_WAY_S = 0.3
 _GIVE_UP_S = 0.9
 """Time, s, after which a stop is not confirmed: before the page's own second is over."""
 _MOST_THREADS = 8
+"""Most second connections at a time: a driver that hangs must not take all threads of the panel."""
 
 Done = Callable[[str], None]
 """Told an empty text when the stop was served, else why not."""

@@ -13,7 +13,9 @@ from ..plans.point_plan import Plan
 from .requests import CallResult
 
 START_TOLERANCE_RAD = 0.01
+"""Largest distance, rad, of the arm from a plan's start: the driver's own default, beyond which it refuses."""
 _CONNECT_S = 5.0
+"""Longest wait, s, for the driver's action server."""
 
 
 def away_from_start(plan: Plan, joints: Optional[Sequence[float]]) -> Optional[str]:

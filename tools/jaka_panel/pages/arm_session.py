@@ -12,8 +12,11 @@ from ..graph.stopper import Stopper
 _LINGER_S = 10.0
 """Time, s, for which the 125 Hz topics stay subscribed after the last page has gone."""
 _TOLD_S = 0.5
+"""Longest time, s, without a state for a page where no joints come: it shows their age."""
 _PLOT_S = 0.12
+"""Least time, s, between two messages of curves: 8 Hz, at which they seem to flow."""
 _LONGEST_PLOT = 100
+"""Samples after which one is sent at once: after a stall no single message is long."""
 
 
 class ArmSession:

@@ -34,6 +34,7 @@ from .shared_cell import SharedCell
 _LOG = logging.getLogger(__name__)
 _SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
 _SLOWEST_JOG = 0.01
+"""Least fraction of the jog speed that a page may set: with less the arm seems to stand."""
 _TOO_COSTLY = "too many requests that are costly to answer"
 Perform = Callable[[Hub, Session, Any, Args], Awaitable[CallResult]]
 

@@ -21,11 +21,14 @@ from .server import Server
 
 _LOG = logging.getLogger(__name__)
 _LONGEST_HEAD = 16 * 1024
+"""Longest head, byte, of a connection that is read to see where it belongs."""
 _BACKLOG = 128
+"""Connections that wait to be accepted: more than pages open when a panel comes back."""
 _FULL = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _FULL_S = 0.1
 """Pause, s, where the process or the computer can have no further connection."""
 _END_S = 2.0
+"""Longest wait, s, at the end for sessions that close."""
 
 
 class Door:

@@ -32,11 +32,15 @@ from .shared_cell import SharedCell
 
 _LOG = logging.getLogger(__name__)
 RATE = 30.0
+"""Rate, Hz, of the states for each page: a screen shows no more, and the driver is on the same computer."""
 _VISITS_RATE, _VISITS_BURST = 5.0, 16.0
 """Visitors that may come in, a second and at once."""
 LOOK_S = 2.0
+"""Period, s, of the looks at the ROS graph and at simulated controllers: each asks the master for all of it."""
 SILENT_S = 3.0
+"""Longest silence, s, of a page, which sends something each half second; then it is closed."""
 _JOG_LOOK_S = 0.02
+"""Period, s, of the looks whether heartbeats still come: it adds to the time until a jog ends without them."""
 _SAMPLE_S = 0.008
 """The driver's own period: two samples of the joints are so far apart unless the controller is slow."""
 _BEHIND_S = 0.0025

@@ -15,9 +15,13 @@ _LOG = logging.getLogger(__name__)
 HEAD_S = 5.0
 """Time, s, within which the first request of a connection is whole."""
 KEEP_S = 10.0
+"""Longest pause, s, between two requests on a connection: one that is idle takes a place of ``MOST_PEERS``."""
 LONGEST_LINE = 4096
+"""Longest line of a request's head, byte: an address with a token, and a browser's headers."""
 LONGEST_MESSAGE = 64 * 1024
+"""Longest message, byte, of a page that is in: its largest command."""
 MOST_PEERS = 64
+"""Most connections that are not pages yet: visitors without a token must not take all memory."""
 _END = b"\r\n\r\n"
 
 

@@ -12,10 +12,15 @@ from ..authority.rate_limiter import RateLimiter
 COSTLY_RATE, COSTLY_BURST = 3.0, 15.0
 """Messages whose answers take milliseconds to make: curves, all that is known of an arm."""
 _MOST_WAITING = 2000
+"""Most messages that wait for a page; with more it is too slow, and closed."""
 _EARLY_S = 0.005
+"""Lead, s, with which a state may come and still counts as due: the loop wakes no more exactly."""
 _REST_S = 0.5
+"""Time, s, without motion after which an arm is no longer moved by a page: states come 30 times a second."""
 _LONGEST_NAME = 60
+"""Most characters of a page's name, which all others show."""
 _CLOSE_S = 1.0
+"""Longest wait, s, for a page's answer to the close; a dead one never gives it."""
 T = TypeVar("T")
 
 

@@ -20,8 +20,11 @@ MOST_CHANGES = 200
 WRITE_RATE, WRITE_BURST = 2.0, 20.0
 """Most writes a second and at once, of all pages together: each waits for a disk."""
 MOST_PARTS = 64
+"""Most parts of a file: a cell of 256 kB has to fit in messages of 64 kB; with more a page sends crumbs."""
 _LIMIT_S = 10.0
+"""Longest wait, s, for the disk."""
 _LOOK_S = 2.0
+"""Period, s, of the looks whether somebody else has changed the file."""
 _LARGEST_REVISION = 10 ** 12
 _TOO_OFTEN = "too many changes of the cell's data at once: try again"
 

@@ -6,7 +6,9 @@ from typing import Any, Dict, Mapping
 from ..settings import LOOPBACK
 
 TIMEOUT_S = 5.0
+"""Longest wait, s, for an answer of the simulated controller's operator port, on the same computer."""
 _LONGEST = 1 << 20
+"""Longest answer, byte, of that port."""
 READING = ("state", "events", "wire")
 ACTIONS = READING + (
     "press_emergency_stop", "release_emergency_stop", "hit", "push", "set_input", "load_force_sensor", "fault",

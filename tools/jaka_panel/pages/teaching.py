@@ -9,8 +9,11 @@ from ..teach.user_frame import CannotTeach, user_frame
 from .arm_session import ArmSession
 
 _SLACK_S = 8.0
+"""Time, s, beside its own waits that a pose may take: reading it is a thread's, which may have to wait for others."""
 _COMPUTE_S = 5.0
+"""Longest wait, s, for a frame or a tool from at most ``_MOST`` points, which takes milliseconds."""
 _MOST = 20
+"""Most points or poses in one request: as many as ``teach`` takes."""
 
 
 async def present_pose(calls: Calls, arm: ArmSession) -> CallResult:

@@ -21,10 +21,14 @@ from .session import COSTLY_BURST, COSTLY_RATE, Session
 
 _LOG = logging.getLogger(__name__)
 HELLO_S = 5.0
+"""Longest wait, s, for a page's first message: a connection that says nothing takes a place."""
 SUBPROTOCOL = "jaka-panel.v1"
 _MOST_WAITING = 16
+"""Most commands of a page at a time: a page that asks for ever must not take all threads."""
 _LONGEST_WHOLE = 18
+"""Most digits that are read as a whole number: Python takes long for long ones, and 18 fit into 64 bits."""
 _WRONG_TOKEN_S = 0.5
+"""Pause, s, after a wrong token."""
 _POLICY, _TOO_MANY = 1008, 1013
 _Message = Dict[str, Any]
 

@@ -15,6 +15,7 @@ from jaka_regression.motion.plan import plan_motion
 from jaka_regression.motion.recorded import recorded_joints
 
 _NICE = 10
+"""Niceness of planning, 0 to 19: the driver on the same computer goes first."""
 
 
 def main(argv: List[str]) -> int:

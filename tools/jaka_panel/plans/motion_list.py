@@ -13,12 +13,17 @@ from .point_plan import SHOWN, WrongPlan
 
 JOINT, LINE, ARC = 0, 1, 2
 MOST_STEPS = 200
+"""Most steps of a list: those of a path that the driver takes (``MAX_SEGMENTS``)."""
 _JOINT_ACCELERATION, _ACCELERATION = 2.0, 0.5
 """The accelerations of motions, rad/s2 and m/s2: those of a page's moves."""
 _SAMPLES = 8
+"""Places of a joint motion that a page draws: between joints the arm moves evenly."""
 _SAME_RAD = 0.02
+"""Largest difference, rad, of a joint in the same posture: another one differs by much more."""
 _LEAST_S = 0.1
+"""Shortest motion, s, in the drawing: one without a way must be seen."""
 _STRAIGHT_M = 1e-4
+"""Share by which an arc's points must be off a line: with less its radius is noise."""
 
 JointAngles = Sequence[float]
 Forward = Callable[[JointAngles], FramePose]

@@ -11,10 +11,13 @@ from .motion_list import ListPlan
 from .point_plan import Plan, WrongPlan
 
 _KEPT = 20
+"""Newest plans that are kept; a page runs one that it has just shown."""
 _MOST_LOGS = 500
+"""Newest logs of a folder that a page lists."""
 _SUFFIXES = (".bag", ".mcap")
 _LOG_PLAN = "jaka_panel.plans.log_plan"
 LOG_TIMEOUT_S = 120.0
+"""Longest wait, s, for the plan of a log, which a process of its own makes; then a page is told."""
 
 AnyPlan = Union[Plan, ListPlan]
 

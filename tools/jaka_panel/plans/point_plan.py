@@ -3,9 +3,12 @@ import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 SHOWN = 400
+"""Places of a path that a page draws: enough for a smooth curve."""
 MOST_POINTS = 2000
+"""Most points of a plan: a page's message has room for them."""
 _JOINTS = 6
 _LONGEST_S = 3600.0
+"""Longest plan of points, s: an hour; a time beyond it is in other units."""
 
 
 class WrongPlan(ValueError):

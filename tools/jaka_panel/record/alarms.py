@@ -4,11 +4,14 @@ from collections import deque
 from typing import Any, Deque, Dict, List, Optional, Tuple
 
 KEPT = 200
+"""Newest alarms that are kept, and that each page gets when it comes."""
 LEVELS = ("info", "warning", "error")
 _EVENT = re.compile(r"(0x[0-9A-Fa-f]+)\s*(.*)", re.DOTALL)
 _NO_EVENT = 0
 _LONGEST = 500
+"""Most characters of an alarm's text."""
 _REPEAT_S = 5.0
+"""Time, s, within which the same text is the same alarm: a condition that goes on is reported each second."""
 
 
 class AlarmBook:

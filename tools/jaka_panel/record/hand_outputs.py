@@ -7,6 +7,7 @@ _SAME = 2e-3
 _SETTLE_S = 2.0
 """Time, s, in which the controller reports what was set; it is read back by then, but status frames come later."""
 _EXPECTED_S = 10.0
+"""Longest time, s, between a page's call and the change that it makes: that of a short call (``SHORT_S``)."""
 Key = Tuple[str, str, int]
 """An output: its bank, "digital" or "analog", its index."""
 

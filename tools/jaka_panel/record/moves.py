@@ -5,6 +5,7 @@ from typing import Any, Deque, Dict, List, Optional, Sequence
 from .history import GAP_S
 
 KEPT = 200
+"""Newest motions that are kept, and that each page gets when it comes."""
 REST_RAD_S = 0.001
 """Speed of a joint up to which no motion is seen."""
 _REST_S = 0.3

@@ -8,12 +8,15 @@ from .rotations import Array, rotation_matrix
 from .user_frame import MOST_M, CannotTeach
 
 LEAST_POSES, MOST_POSES = 4, 20
+"""Fewest poses that determine a tip and show an error, and most: a person takes them one by one."""
 LEAST_TURN_RAD = math.radians(5.0)
 """Least turn between two of the poses."""
 LEAST_SPREAD = 0.1
 """Least share of a shift of the tip that the poses show, in the direction in which they show it least."""
 FARTHEST_M = 2.0
+"""Farthest tip of a tool from the flange, m: no arm carries one so long, so poses were mixed up."""
 MOST_RAD = 100.0
+"""Largest part of a rotation vector, rad, that is taken: one beyond it is none."""
 
 
 class TaughtTool(NamedTuple):

@@ -11,11 +11,14 @@ NEAREST_M = 0.02
 LEAST_ANGLE_RAD = math.radians(10.0)
 """Least angle at the origin between the x axis and the third point."""
 MOST_POINTS = 20
+"""Most points: a person takes them one by one."""
 MOST_M = 100.0
+"""Largest coordinate, m, of a point: no hall is larger, and most values in mm are noticed."""
 FARTHEST_M = 0.01
 """Largest distance of a further point from the plane, m."""
 _NAMES = ("the origin", "the point on the x axis", "the point in the xy plane")
 _ERROR_M = 0.001
+"""Error, m, with which a person takes a point, for the angle that the frame may be off by."""
 
 
 class CannotTeach(ValueError):

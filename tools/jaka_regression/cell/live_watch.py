@@ -26,7 +26,9 @@ from ..scenario import BANKS, IO_TOPIC
 from .sightings import Polls, Sighting, Sightings, terminals_in
 
 _WAIT_S = 60.0
+"""Longest wait, s, for a driver and its first joints: a launch with several drivers on a busy host."""
 _SETTLE_S = 0.5
+"""Time, s, for latched topics to come, of which nothing says that they will."""
 
 
 class _Arm:

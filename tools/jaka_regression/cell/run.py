@@ -27,6 +27,7 @@ from .stage import CellLaunch, CellStage
 from .world import with_derived_events, write_scenario
 
 _SHOWN = 200
+"""Most changes of outputs that are compared in words."""
 
 
 def run_cell(launch: PathLike, golden: PathLike, folder: PathLike, arguments: Sequence[str] = (),

@@ -4,7 +4,9 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 from ..scenario import BANKS, CauseKind, EventCause
 
 _LEAVES_RAD = 0.002
+"""Distance, rad, from its place of rest at which an arm has begun to move: above noise, and soon reached."""
 _RESTS_RAD = 0.0002
+"""Largest change, rad, of a joint at rest: noise."""
 _REST_S = 0.05
 """An arm rests when no joint moves by ``_RESTS_RAD`` for so long. Between two calls that wait for the ends of their
 motions it does: the driver answers when it has seen rest, 0.1 s or more in all."""

@@ -17,10 +17,13 @@ from ..stage import Script, Stage
 from .world import event_as_data
 
 _SETTLE_S = 0.5
+"""Time, s, for the first inputs to reach the driver: one period of the feed, and some for a busy host."""
 _QUIET_S = 8.0
 """A node that does not end by itself may do more after so long a pause: that it does is not seen."""
 _LONGER = 2.0
+"""Factor over the golden run after which a cell's run has no end."""
 _LONGER_S = 60.0
+"""Time, s, beside that: the start of its nodes."""
 _DIED = re.compile(r"\[([^\]\n]+)\](?: has died!\s+|\s+)process has died \[pid \d+, exit code (-?\d+)")
 _NOT_LAUNCHED = re.compile(r"cannot launch node of type [^\n]*(?:\n[^\n]*)?")
 

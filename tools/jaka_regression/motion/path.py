@@ -29,15 +29,23 @@ LARGEST_DEVIATION = 0.02
 _STILL_SPEED = 3e-3
 """Speed below which an arm stands still, rad/s."""
 _STILL_NOISE = 6.0
+"""Factor over the noise of speeds below which an arm stands still: of good samples none is beyond."""
 _BEYOND_RAD = 0.005
 """Distance beyond a soft limit, rad, at which an arm that was led onto it may be measured."""
 _INSIDE_RAD = 1e-3
+"""Distance, rad, inside of a limit to which a sample beyond it is moved: the filtered path must not pass it again."""
 _CREEP_RAD = 0.002
+"""Largest way, rad, of an arm that stands still while a pause is cut out: with more the ends do not meet."""
 _SLOPE_S = 0.05
+"""Time, s, on each side of a silence over which a speed is taken: some samples of a slow feed."""
 _CALMER = 0.85
+"""Factor from try to try on the cut-off: corners are kept as far as they can be."""
 _CALMEST_HZ = 6.0
+"""Lowest cut-off, Hz, that is tried; what people do by hand is below 10 Hz, so less would be another motion."""
 _CALM_DEVIATION = 0.5 * LARGEST_DEVIATION
+"""Largest distance, rad, of a calmed path from the samples: half of what is accepted in all."""
 _TERMS = 6
+"""Coefficients of a polynomial: place, speed and acceleration at both ends."""
 
 
 class SmoothPath:

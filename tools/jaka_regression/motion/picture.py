@@ -18,6 +18,7 @@ from .plan import MotionPlan
 
 PAGE = ".html"
 _POINTS = 1100
+"""Points of a curve: about one for each pixel of its width."""
 _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">recorded, at the speed asked for</span>
 <span class="candidate" style="--k:var(--candidate)">to be sent</span></p>"""
 

@@ -16,10 +16,15 @@ SPACING_TICKS = 5
 MOST_POINTS = 100000
 """Largest number of points that the driver takes for one trajectory (docs/trajectories.md)."""
 _SHARE = 0.98
+"""Share of the limits that is planned with first: the driver's own sampling needs the rest."""
 _ROUNDS = 12
+"""Most plans, each with less of the limits: after twelve no more than 0.8 of them is left."""
 _SAMPLES = 8
+"""Samples of each piece at which the limits are looked at."""
 _POSITION_SLACK = 1e-6
+"""Excess, rad, over a limit that is rounding."""
 _NOTABLE = 0.98
+"""Share of the recorded speed below which a person is told that the motion is slower."""
 
 
 class BeyondLimits(BagError):

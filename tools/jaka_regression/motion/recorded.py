@@ -14,19 +14,25 @@ LONGEST_GAP_S = 0.2
 _GAP_INTERVALS = 3.0
 """A feed that is slow throughout has no gaps: so many of its median intervals are none."""
 _FEWEST = 10
+"""Fewest samples of a motion."""
 _STILL_RAD = 0.005
 """Distance over a silence, rad, up to which an arm is taken to have stood still meanwhile."""
 _EVEN_SHARE = 0.98
+"""Share of the usual period by which two samples were apart at least: the clocks of two computers differ by less."""
 _LONGEST_HOLD_S = 0.5
 """Longest time, s, that samples can be held up; later ones were measured at another rate than most of the log."""
 _WINDOW = 1000
+"""Samples over which one period and phase hold: 8 s at 125 Hz, in which clocks hardly drift."""
 _PERIODS = 1.0 + np.linspace(-0.03, 0.03, 401)
+"""Periods that are tried, as shares of the usual one, which is a median and so a little off."""
 _PUNCTUAL_TURN = 0.25
 """Share of a period by which a sample may be late and still counts as measured at a whole period."""
 _CONCENTRATION = 0.3
 """Length of the mean of all phases as unit vectors: 1 where all samples came at whole periods, 0 where at any time."""
 _LONGEST_HOLE_S = 0.1
+"""Longest hole, s, that leaving out late samples may make."""
 _JUMP_RAD = 0.05
+"""Way, rad, beside that at the highest speed, beyond which a step is a jump: noise and late stamps are less."""
 _JUMP_S = 0.05
 """Allowance for jumps, s: stamps give the time of arrival, which a busy host delays."""
 

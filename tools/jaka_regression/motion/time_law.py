@@ -22,6 +22,8 @@ SOLVERS = ("toppra", "ruckig")
 _RATE_CHANGE_S = 0.125
 """Time in which the rate goes from nothing to the whole, s."""
 _GRID_STEPS = 2
+"""Steps of the path in one of the solver's grid: a coarser one is solved faster, and what changes within costs share of
+the limits."""
 _SOFTENING = 12
 """Ticks, on both sides, over which a change of the rate is spread."""
 

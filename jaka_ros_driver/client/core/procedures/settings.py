@@ -16,10 +16,7 @@ from jaka_ros_driver.state import RobotState, Vector
 
 _TIMEOUT_S = 2.0
 """Longest time, s, until the feed shows what was set."""
-_LENGTH_TOLERANCE = 1e-5
-_ANGLE_TOLERANCE = 1e-5
-_MASS_TOLERANCE = 1e-4
-_ANALOG_TOLERANCE = 0.01
+_LENGTH_TOLERANCE, _ANGLE_TOLERANCE, _MASS_TOLERANCE, _ANALOG_TOLERANCE = 1e-5, 1e-5, 1e-4, 0.01
 """Largest differences, m, rad, kg, and V or mA, of what is read back from what was set: rounding on the wire."""
 _OUTPUT_SETTLES_S = 0.1
 """Time, s, for which the other outputs are watched where an output had its value before, which may hide a wrong index.

@@ -11,6 +11,7 @@ from ...operations.tool_poses import TWIST_TYPE
 from .editing import EditableLog, Item, Value
 
 _BEFORE_STOP_S = 0.25
+"""Time, s, before a stop from which on nothing is planted: what comes just before it counts as displaced, too."""
 JOINT_TYPE = "sensor_msgs/JointState"
 
 

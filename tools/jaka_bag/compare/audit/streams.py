@@ -7,6 +7,7 @@ from .defects import JOINT_TYPE, Golden, PlantedDefect, edit
 from .editing import EditableLog, Item, Value
 
 _WAIT_S = 0.5
+"""Length, s, of the wait that is planted: above the tolerance of every wait, and short beside real rests."""
 
 
 def _only(golden: Golden, keep: Callable[[int, Item], bool]) -> EditableLog:

@@ -26,14 +26,20 @@ _JOINTS = re.compile(r"(.*\.)?positions|position \(of .*\)")
 _GOAL_STATUSES = re.compile(r"(.*\.)?status_list\.status")
 _PENDING = re.compile(r"\b0\b")
 _FEWEST_PERIODIC = 10
+"""Fewest messages of which a rate is told; with fewer chance decides."""
 _FAST_HZ = 20.0
+"""Rate, Hz, above which a topic is taken as steady: nothing that happens now and then comes so often."""
 _STEADY_SHARE = 0.6
+"""Share of the steps that are near the usual one in a steady topic: gaps and doubles may spoil the others."""
 _COUNTER_SHARE, _FEWEST_COUNTED = 0.3, 20
 _SHARE_OFF, _SHARE_SPREADS = 0.25, 4.0
 """Limits for the share of messages in which a counter changes: of that share, and in spreads of chance."""
 _MOST_NOISE = 0.5
+"""Largest share of a field's span that its noise may add to the limit: of a field that is all noise something must
+show."""
 _NO_NUMBER = -1
 _NEW_LEVEL = 1 << 32
+"""First key of a level that the golden log does not have: above the number of any that it has."""
 _SPARSE = 4.0
 """Messages that repeat each other have times to compare where they are so many limits apart, on average."""
 _NO_MESSAGE, _NO_MESSAGE_NAME = -1 << 80, "no message yet"

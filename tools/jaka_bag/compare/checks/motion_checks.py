@@ -22,14 +22,17 @@ RESOLUTION = 0.3
 _SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 """Multiples of a limit for each of which the samples outside are counted."""
 _CLOSE_UP_S = 1.0
+"""Time, s, on both sides of the worst sample that the report draws."""
 _EVERY, _SLOPE_S, _LEAST_SPEED = 2, 0.012, 0.005
 """The share of samples taken for lateness is one of so many; half the span of speeds, s; least speed, m/s or rad/s."""
 _FEWEST_MOVING = 20
+"""Fewest samples in motion of which lateness is told; with fewer noise decides."""
 _EXPLAINED = 0.4
 """Share of the squared deviations that a delay must explain: of values of which each second one is late it is half."""
 ONE_MOTION = 2.0
 """Multiple of the limit by which the values may be late in a single motion."""
 _POINTS = 1100
+"""Points of a curve in the report: about one for each pixel of its width."""
 
 
 def _least(envelope: Envelope, limit: float, factor: float = 1.0) -> float:

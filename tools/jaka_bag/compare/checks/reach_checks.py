@@ -9,6 +9,7 @@ from ..verdict import Aspect, Check, equal
 _CELL_S = 0.05
 """Step, s, of the record of when there are samples."""
 _FEWEST_CELLS = 2
+"""Fewest cells with samples of a topic that has a step: one message has none."""
 
 
 class _Cells:

@@ -17,7 +17,9 @@ from ..tolerances import StateTolerance, Tolerances
 from ..verdict import Aspect, Check, equal, judged
 
 _SHOWN = 12
+"""Most states that a line of the report lists."""
 _FEWEST_BEGINS = 2
+"""Fewest motions of which the delay of a state is told: of one alone it may be chance."""
 _NEAR_S = 0.3
 """Time within which a state belongs to the begin of a motion, s."""
 _ALARM_NAMES = re.compile(r"alarm|collision|emergency|e_?stop|(^|_)err(or)?(s|_|$)|fault", re.IGNORECASE)

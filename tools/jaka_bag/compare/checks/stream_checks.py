@@ -16,12 +16,17 @@ from ..verdict import Aspect, Check, equal, judged, not_compared
 from .timing_checks import LATCHED_S
 
 _FEWEST = 2
+"""Fewest messages of a topic that has a rate: one has no interval."""
 _LAST = np.array([-1])
 _RESTARTS = 0.05
 """Steps back of header.seq, as a share of the messages, beyond which they are not all restarts."""
 _OTHER_GAP_S = 10.0
+"""Distance, s, of a gap from which on it is another one: jitter and lag between two runs are far less."""
 _SLOW_HZ = 20.0
+"""Rate, Hz, below which a topic may also be published at once when something changes, so its jitter may be a period
+more."""
 _ROUNDING_S = 1e-6
+"""Rounding, s, of times as floats."""
 _AHEAD_S = 1.0
 """Stamps farther ahead of the golden ones than this, s, are those of a clock that jumped."""
 

@@ -20,17 +20,28 @@ _LONGEST_S = 600.0
 _BATCH_S, _BATCH_MOTIONS = 600.0, 200
 """Length, s, and number of motions of the part of a log that is fitted at once."""
 _SPLIT_S = 0.3
+"""Least length, s, of a part: in a shorter one the fit has too few samples, so a call there begins no part."""
 _STREAM_SERVICES = ("servo_j", "servo_p")
 _VOTES_A_KEY = 60
+"""Most events of a kind that vote: each of ours votes with each of theirs, so the work grows with the square."""
 _BIN_S = 0.25
+"""Width, s, of a bin of lags: above the jitter of like events; in a wider one different lags mix."""
 _FEWEST_SAMPLES, _MOST_SAMPLES, _ALL_SAMPLES = 48, 300, 30000
+"""Samples of each motion that is fitted, and of all motions together: the work grows with them."""
 _MARGIN_S = 0.05
+"""Time, s, of rest on both sides of a motion that is fitted with it: its begin and end are what a lag is seen by."""
 _REACH_S = 0.6
+"""Largest distance, s, of a motion's lag from the common one; farther off it would be fitted to another motion."""
 _PACE_SPAN_S = 0.4
+"""Shortest motion, s, whose pace is fitted: in a shorter one lag and pace look alike."""
 _PACE_TRAVEL_RAD = 0.02
+"""Least way, rad, of a motion whose pace is fitted: noise must be small beside it."""
 _ALIKE_RAD = 0.005
+"""Residual, rad, up to which two motions are the same: above noise, stamps and following errors together."""
 _ALIKE_SHARE = 0.03
+"""The same as a share of the way: a long motion on another path is off by more than a short one."""
 _GOOD_FIT_RAD = 0.002
+"""Residual, rad, of a fit beside which no better one is looked for; with less the search takes longer."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ...messages.batch import Array
 from ..tolerances import Tolerances
 
 _LEAST_FIT_RAD = 1e-4
+"""Least residual, rad, that is asked of a fit: the noise of positions, which no search removes."""
 _CHANGED_BY = {"good_fit": "joints.position_rad", "brief_state": "states.brief_s", "edge_state": "states.timing_s",
                "outer_call": "calls.timing_s"}
 

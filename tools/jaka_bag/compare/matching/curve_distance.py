@@ -6,6 +6,7 @@ import numpy as np
 from ...messages.batch import Array
 
 _MOST_SEGMENTS = 2000
+"""Most segments to either side in which a sample's counterpart is looked for: wrong jitter costs bounded time."""
 _SLOWEST_RHYTHM = 1.1
 """A rhythm this much slower than the usual one is still steady."""
 

@@ -16,7 +16,9 @@ from .motion_fit import speeds
 _BEFORE_S = 0.3
 """Time, s, before a cut at which speeds are read: the stop's own ramp comes after it, its report may come late."""
 _AFTER_S = 0.1
+"""Time, s, behind a cut up to which speeds are read; a longer one would see the brake."""
 _JOG_TAIL_S = 0.5
+"""Time, s, before the end of a jog at which it counts as cut: a person let go there, never twice at the same moment."""
 _STOP_SERVICES = ("stop_move",)
 _JOG_SERVICES = ("jog",)
 _ABSOLUTE_SERVICES = ("joint_move", "linear_move", "servo_j", "servo_p")

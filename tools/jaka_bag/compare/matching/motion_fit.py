@@ -10,15 +10,23 @@ from .course import Decision
 from .curve_distance import interpolated
 
 _ROUNDS = 10
+"""Most steps of the fit, which converges in a few; those that do not are searched for."""
 _STEP_S = 0.05
+"""Step, s, between the lags of a search: the fit converges from either side of it."""
 _LEAST_POWER = 1e-9
+"""Sum of squared speeds below which nothing moves, and no lag can be told."""
 _KNEE_RAD = 2e-4
+"""Least residual, rad, beyond which a sample counts less: that of rounding and noise."""
 COMMON_MOTIONS = 60
 """Number of motions of each arm that suffice to find their common lag."""
 _LATE_ONE_BY_ONE = 10.0
+"""Factor by which the common residual may be larger than that of one motion."""
 _MOST_STEP_S = 0.2
+"""Largest change, s, of a lag in one step: a longer one leaps over to another motion."""
 _FARTHEST_S = _ROUNDS * _MOST_STEP_S + 0.5
+"""Largest distance, s, from its first lag that a fit gets to, and some margin: so much of the candidate is kept."""
 _NEAR_S = 1.0
+"""Distance, s, of two windows below which they are read as one: reading twice costs more than the samples between."""
 
 
 def speeds(time: Array, value: Array, reach: int) -> Array:

@@ -6,7 +6,9 @@ import numpy as np
 _EXACT_LIMIT = 400000
 """Above this product of lengths the cheaper pairing is used; either finds every difference."""
 _FAR_S = 10.0
+"""Delay, s, from which on a pair costs no more: being later then says nothing."""
 _REPLACE_COST = 2.0
+"""Cost of two unlike entries, against 1 for one that stands alone: twice, so that they never pair."""
 
 
 class Entry(NamedTuple):

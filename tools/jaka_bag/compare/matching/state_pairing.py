@@ -10,9 +10,13 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 _BAND = 40
 """Number of runs by which two sequences may be out of step, beyond the difference of their lengths."""
 _EXCUSED_COST = 0.01
+"""Cost of a run left alone that is excused: above 0, so that pairing it is preferred."""
 _ALONE_COST = 1.0
+"""Cost of another run left alone, the unit of all: above that of the latest pair, 0.9."""
 _LATE_COST = 0.4
+"""Cost of a pair that comes too late, beside that of its delay: below a run that is missed."""
 _FAR_S = 10.0
+"""Delay, s, from which on a pair costs no more: being later then says nothing."""
 _NO_VALUE = None
 
 

@@ -69,6 +69,7 @@ summary{cursor:pointer}
 _SIGNS = {Outcome.SAME: "&#10003; same", Outcome.DIFFERENT: "&#10007; different",
           Outcome.NOT_COMPARED: "&#8211; not compared"}
 _MOST_PICTURES = 30
+"""Differences with a picture: with thousands a page would be too large for a browser."""
 _EARLY_S = 2.0
 """Time, s, by which one log's activity ends before the other's to be told: late motions alone are less."""
 _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">golden log</span>

@@ -16,8 +16,11 @@ from .svg import Bar, Line, Row, bounded_row, chart, plane, time_line
 from .warping import warping
 
 _POINTS = 1100
+"""Points of a curve: about one for each pixel of its width."""
 _PATH_POINTS = 3000
+"""Points of a tool's path, which has no width of pixels: corners stay sharp, and the page small."""
 _MARGIN_S = 0.5
+"""Time, s, that is read on both sides of what is drawn."""
 _OVERLAID = "Golden log and candidate over time, one upon the other."
 _AXES = "xyz"
 _MOST_FAILED = 5

@@ -10,9 +10,12 @@ from ...messages.batch import Array
 from ..tolerances import Envelope
 
 WIDTH = 960
+"""Width of a picture, in its own units: a page scales it."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 14, 8, 26
 _BAR = 20
+"""Height of a row, in the same units: a line of text and some air."""
 _CHARACTER = 6.6
+"""Width of a character, in the same units: a text that would be wider than its bar is left out."""
 _numbers = itertools.count(1)
 
 

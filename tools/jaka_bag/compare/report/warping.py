@@ -7,7 +7,9 @@ from ...messages.batch import Array
 from ..runs.run import LongTrack
 
 _SAMPLES = 500
+"""Moments of the picture: half as many as pixels, as the work grows with them times the band."""
 _BAND = 40
+"""Number of moments by which one run may lead."""
 _STRAY = 0.002
 """Cost of each step off the straight way, in the unit of the values, so that noise at rest draws no curve."""
 

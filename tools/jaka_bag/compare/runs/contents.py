@@ -26,6 +26,7 @@ _OF_ONE_RUN = re.compile(rb"-\d+\.\d+$|_\d+_\d{10,}")
 The node's name and the number of its goal stay.
 """
 _MOST_LABELS = 2000
+"""Most values whose text is kept for the report; of a field with more the others show as a digest."""
 _LABEL_VALUES, _LABEL_LETTERS = 12, 60
 
 Numbers = Dict[str, Tuple[Array, Optional[Array]]]

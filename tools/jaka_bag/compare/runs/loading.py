@@ -38,6 +38,7 @@ _FRAME = "header.frame_id"
 _MD5SUMS = {JOINT_STATE: "3066dcd76a6cfaef579bd0f34173e9fd", TWIST_TYPE: "98d34b0043a2093cf9d9345ab6eef12e",
             POSE_TYPE: "d3812c3cbc69362b77dc0b19b345f8f5"}
 _SCANS = 4
+"""Most readings of a log; after one its fields are known, and each further one is for what they showed."""
 _MORE_OF_JOINTS = ("velocity", "effort")
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 

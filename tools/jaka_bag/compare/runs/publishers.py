@@ -8,6 +8,7 @@ from ...messages.batch import Array
 PartRows = Tuple[Array, Optional[Array]]
 """Values of messages, shape (n, columns), and the rows that count (None: all)."""
 _LEAST_SHARE = 0.1
+"""Share of a topic's messages below which a publisher is an exception, such as a person's ``rostopic pub``."""
 _OF = " (of "
 
 

@@ -10,10 +10,13 @@ from .run import TimeWindow, TrackFacts
 MOVING_RAD_S = 0.005
 """A joint faster than this moves, rad/s."""
 _MERGE_S = 0.1
+"""Rest, s, between two motions below which they are one: speeds pass zero where an arm turns back."""
 _LEAST_TRAVEL_RAD = 0.003
+"""Least way, rad, of a motion: noise and settling are less."""
 _SPEED_S = 0.024
 """Time, s, to either side over which speeds are taken."""
 _LEAST_STEP_S = 1e-4
+"""Least step, s, that counts for the usual one: messages that were held up come in a burst."""
 
 
 def reach_of(step: float) -> int:

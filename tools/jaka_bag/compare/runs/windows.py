@@ -17,8 +17,11 @@ from .run import Arrivals, TimeWindow, Track, joined
 _CELL_S = 16.0
 """Time step, s, of the record of which parts of a log hold samples."""
 _WINDOW_ROWS = 120000
+"""Rows of a window: some MB of samples, and few enough windows that their edges cost nothing."""
 _KEPT_BYTES = 64 << 20
+"""Bytes of decoded parts kept in memory; what is beyond goes to a file."""
 _TRIM_EVERY = 48
+"""Parts between two returns of freed memory to the system, each of which walks the whole heap."""
 
 TrackKey = Tuple[str, str]
 """Topic, and the field where it is a further one."""

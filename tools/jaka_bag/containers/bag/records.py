@@ -19,6 +19,7 @@ FILE_HEADER_SIZE = 4096
 """Bytes of the first record's header and padding together."""
 INDEX_ENTRY_SIZE = 12
 MAX_SECONDS = 0xFFFFFFFF
+"""Largest number of seconds of a time, which has 32 bits."""
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
@@ -29,7 +30,9 @@ Header = Dict[str, bytes]
 
 _CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"
 _PROBE = 4096
+"""Bytes read for one record's head; a longer header counts as damage here."""
 _WINDOW = 4 << 20
+"""Bytes read at a time: memory stays bounded, and a disk is read in long pieces."""
 _CHUNK_MARK = b"\x04\x00\x00\x00op=" + bytes([OP_CHUNK])
 DAMAGED = "the index is damaged (jaka_bag recover makes a whole file of it)"
 

@@ -13,10 +13,13 @@ from .reader import index_entries, offsets_in, parse_chunk, scan
 
 _U32 = struct.Struct("<I")
 _MAX_HEADER = 1 << 20
+"""Longest header, byte, that is believed; of a connection's it holds the whole definition of its type."""
 _WINDOW = 4 << 20
+"""Bytes read at a time: memory stays bounded, and a disk is read in long pieces."""
 _CHUNK_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_CHUNK])
 _MESSAGE_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_MESSAGE])
 _LONGEST_CHUNK_HEADER = 64
+"""Longest header, byte, of a chunk that is looked for: op, compression and size have 41 at most."""
 _MESSAGE_HEAD = 46
 """Bytes of a message record before its payload, as every writer makes it."""
 

@@ -23,6 +23,7 @@ __all__ = ["RosrecordReader", "RosrecordRecovery", "parse_chunk_head", "read_ind
 MAGIC = b"#ROSRECORD V1.2\n"
 _OP_DEFINITION, _OP_MESSAGE, _OP_FILE_HEADER, _OP_INDEX = range(1, 5)
 _WINDOW = 1 << 20
+"""Bytes read at a time: memory stays bounded, and a disk is read in long pieces."""
 
 
 class _Run(NamedTuple):

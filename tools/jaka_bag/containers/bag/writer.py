@@ -17,6 +17,7 @@ _HEAD_TYPE = np.dtype([("header_size", "<u4"), ("size1", "<u4"), ("name1", "S5")
                        ("seconds", "<u4"), ("nanoseconds", "<u4"), ("data_size", "<u4")])
 _HEAD = np.array([(38, 9, b"conn=", 0, 4, b"op=", fmt.OP_MESSAGE, 13, b"time=", 0, 0, 0)], _HEAD_TYPE)
 _MAX_CHUNK = 0xFFFFFFFF
+"""Largest chunk, byte: its size has 32 bits."""
 
 
 class BagWriter(LogWriter):
@@ -25,6 +26,7 @@ class BagWriter(LogWriter):
     format_name = "a .bag"
     codecs = BAG_CODECS
     usual_chunk_size = 768 * 1024
+    """Bytes of a chunk: the default of rosbag record."""
     is_for_ros1 = True
 
     def _begin(self, profile: str) -> None:

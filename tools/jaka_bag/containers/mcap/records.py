@@ -34,10 +34,12 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 """Record head, channel id, sequence, log time, publish time; the payload follows."""
 FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
+"""Largest number of a channel: it has 16 bits."""
 
 _LATEST = (1 << 63) - 1
 """Latest time, ns, that this package can hold."""
 _WINDOW = 4 << 20
+"""Bytes read at a time: memory stays bounded, and a disk is read in long pieces."""
 _LONGEST_HEADER = 1 << 20
 """Bytes of the first record, at most: with more its length counts as damaged."""
 MAX_UNKNOWN = 4096

@@ -28,12 +28,14 @@ _OF_DATA = (fmt.MESSAGE, fmt.CHUNK, fmt.MESSAGE_INDEX, fmt.ATTACHMENT, fmt.METAD
 """Kinds of records that no summary holds."""
 _FIRST_LOOSE_WINDOW, _LOOSE_WINDOW = 1 << 16, 1 << 20
 _WINDOW = 4 << 20
+"""Bytes read at a time: memory stays bounded, and a disk is read in long pieces."""
 _NEAR = 60 * NS_PER_S
 """Distance, ns, of the times of messages that lie beside each other, at most."""
 _CODEC_AT = 37
 """Position of the length of the codec's name in a chunk record."""
 _SMALLEST_CHUNK = 49
 _LONGEST_CHUNK_HEAD = 64
+"""Bytes read for the head of a chunk record: its fields have 49, and the codec's name some."""
 _INDEX_HEAD = struct.Struct("<BQHI")
 """Record head, channel and size of the entries of a message index."""
 _FRAMES = (("zstd", b"\x28\xb5\x2f\xfd"), ("lz4", b"\x04\x22\x4d\x18"))

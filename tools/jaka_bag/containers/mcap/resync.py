@@ -16,6 +16,7 @@ _FIRST_WINDOW, _WINDOW = 1 << 14, 1 << 22
 _MOST_AT_ONCE = 1 << 16
 """Bytes of a record other than a message that are looked at; one with more counts by its kind and length."""
 _MOST_CUT_OFF = 1 << 32
+"""Longest record, byte, that a file may end within; a longer one is damage: no chunk is 4 GB."""
 _ROW = 2
 """Records in a row that make a place credible."""
 _IN_MESSAGE = fmt.MESSAGE_HEAD.size - fmt.RECORD_HEAD.size
