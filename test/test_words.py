@@ -1,4 +1,4 @@
-"""The form of docstrings, by room, words and class names with one meaning each.
+"""The form of docstrings, by room, words and class names with one meaning each, reasons of tuned constants.
 
 As a command (``python3 test/test_words.py ROOM...``) it prints the counts by room, and each finding in the rooms that
 are named.
@@ -296,6 +296,47 @@ def test_names_of_types_are_seen_however_a_module_makes_them():
     tree = ast.parse("class Reply:\n    class Part: ...\nclass _Own: ...\nEvent = Union[int, str]\n"
                      "Item: TypeAlias = 'int'\n_Tell = int\nLIMIT = 5\nfound = 3\ndef f():\n    Local = int\n")
     assert list(type_names(tree)) == [("Reply", 1), ("Part", 2), ("Event", 4), ("Item", 5)]
+
+
+TUNED = re.compile(r"(?<!_PER)_(S|MS|MM|M|RAD|HZ|LIMIT|TOLERANCE)$|(MOST|LONGEST|LEAST|MAX)_|PERIOD|TIMEOUT|PATIENCE")
+"""Names of constants that somebody has tuned: periods, limits, tolerances."""
+
+
+def is_number(node: ast.AST) -> bool:
+    """Return whether an expression is made of numbers alone: one, several, or computed from some."""
+    values = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+    return bool(values) and all(type(value) in (int, float) for value in values) and not any(
+        isinstance(part, (ast.Dict, ast.Set, ast.Lambda, ast.Subscript)) for part in ast.walk(node))
+
+
+def without_reason(text: str) -> Iterator[Tuple[str, int]]:
+    """Return name and line of each tuned constant of a file with no text below, and no comment above it or behind."""
+    lines = text.splitlines()
+    for owner in ast.walk(ast.parse(text)):
+        body = owner.body if isinstance(owner, (ast.Module, ast.ClassDef)) else []
+        for node, after in zip(body, [*body[1:], ast.Pass()]):
+            if not isinstance(node, (ast.Assign, ast.AnnAssign)) or node.value is None or not is_number(node.value):
+                continue
+            names = [part.id for target in getattr(node, "targets", None) or [node.target]
+                     for part in ast.walk(target) if isinstance(part, ast.Name)]
+            has_comment = "#" in lines[node.lineno - 1] or lines[node.lineno - 2].lstrip().startswith("#")
+            if text_of(after) is None and not has_comment:
+                yield from ((name, node.lineno) for name in names if name.isupper() and TUNED.search(name))
+
+
+def test_tuned_constants_have_their_reason():
+    bare = ["%s:%d %s" % (path.relative_to(ROOT), line, name) for path in own_files(".py")
+            if path.relative_to(ROOT).parts[0] in ("jaka_ros_driver", "tools")
+            for name, line in without_reason(path.read_text(encoding="utf-8"))]
+    assert not bare, "\n".join(bare)
+
+
+def test_a_tuned_constant_without_a_reason_is_seen():
+    bare = '_TURN_S = 0.02\nMOST_PARTS, _FEW = 64, 4\nclass Feed:\n    _PERIOD: float = -1.5 * LIMIT\n'
+    assert list(without_reason(bare)) == [("_TURN_S", 1), ("MOST_PARTS", 2), ("_PERIOD", 4)]
+    assert not list(without_reason(
+        '_TURN_S = 0.02\n"""Period, s."""\n# as the kernel has it\n_WAIT_S = 5\nA_LIMIT = 3  # of the wire\n'
+        'NS_PER_S = 10\n_MOST = 3\nA_LIMIT = OTHER\nTEXT_LIMIT = "5"\nperiod = 5\ndef f():\n    WAIT_S = 3\n'))
 
 
 def main(rooms: List[str]) -> None:
