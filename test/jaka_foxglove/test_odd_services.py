@@ -127,7 +127,7 @@ def test_a_node_that_hangs_is_asked_by_one_thread_at_a_time(monkeypatch):
             calls._due = 0.0
             calls.look(master, lambda by_number, frames: None)
             most = max(most, len(set(threading.enumerate()) - before))
-            time.sleep(0.02)
+            time.sleep(0.02)  # the period of the looks; how many threads they leave is the subject
     assert 1 <= most <= 2, "a thread that ends may be seen beside the next one"
 
 

@@ -235,7 +235,7 @@ def test_it_ends_when_the_last_viewer_goes_at_that_moment(samples, tmp_path, ste
         await playback.open()
         playback.want(frozenset(playback.channels))
         for _ in range(10):
-            await asyncio.sleep(0)
+            await asyncio.sleep(0)  # a turn of the loop
         playback.want(frozenset())
         for _ in range(steps):
             await asyncio.sleep(0)

@@ -46,7 +46,7 @@ class Toy(ChannelSource):
     async def call(self, service, payload):
         import asyncio
         if payload == b"hang":
-            await asyncio.sleep(1000)
+            await asyncio.sleep(1000)  # a service that never answers
         if payload == b"fail":
             raise JakaBagError("it failed")
         return payload[::-1]

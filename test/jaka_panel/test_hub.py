@@ -8,6 +8,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from waiting import happens
 
 from jaka_panel.authority.rate_limiter import RateLimiter
 from jaka_panel.graph import requests
@@ -106,8 +107,7 @@ def run(work):
 
 
 async def seen(event):
-    while not event.is_set():
-        await asyncio.sleep(0.001)
+    await happens(event.is_set, "the driver is asked")
 
 
 @pytest.mark.parametrize("how", ["stop", "leave", "close", "lost control"])
@@ -176,8 +176,7 @@ def test_the_arms_of_a_page_that_goes_are_stopped_at_once_and_what_is_told_of_th
         for arm in ("/slow", "/quick"):
             bench.pages[0].begins_motion(arm, now)
         bench.hub.leave(bench.pages[0])
-        while not any("has gone" in text for _, text in quick.notes):
-            await asyncio.sleep(0.01)
+        await happens(lambda: any("has gone" in text for _, text in quick.notes), "the quick arm's stop is noted")
         assert quick.asked_at[0] - slow.asked_at[0] < 0.4
         level, text = slow.notes[-1]
         assert level == "error" and "NOT confirmed" in text and "no answer" in text
@@ -191,7 +190,7 @@ def test_a_panel_that_ends_begins_nothing_more_and_stops_what_its_pages_moved(se
         bench = Bench(arm, close_s=(0.5, 0.5, 0.5))
         closing = asyncio.ensure_future(bench.hub.close())
         began = time.monotonic()
-        await asyncio.sleep(0.1)
+        await asyncio.sleep(0.1)  # the closing is in its middle: each page takes 0.5 s
         page = bench.pages[0]
         session = WebSocketSession(bench.hub, None, page)
         for message in ({"t": "cmd", "id": 1, "cmd": "joint_move", "arm": "/arm", "args": JOINTS},
@@ -215,8 +214,7 @@ def test_the_answer_to_a_stop_says_when_it_was_served():
         posted = json.loads((await server._stop(SimpleNamespace(headers={}, query={}))).text)
         page = bench.pages[0]
         WebSocketSession(bench.hub, None, page).take({"t": "stop", "id": 1, "arm": "/arm"})
-        while page.told[-1]["t"] != "answer":
-            await asyncio.sleep(0.001)
+        await happens(lambda: page.told[-1]["t"] == "answer", "the stop is answered")
         told = page.told[-1]
         assert posted["ok"] and told["ok"]
         assert began + 0.04 < posted["now"] < told["now"] <= time.monotonic() + 0.001
@@ -228,8 +226,7 @@ def test_a_folder_of_logs_that_does_not_answer_holds_up_no_stop():
         bench, released = Bench(OneArm("/arm")), threading.Event()
         bench.hub.logs.entries = lambda: (released.wait(LIMIT_S), [])[1]
         answer = bench.command("logs", {})
-        for _ in range(10):
-            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.1)  # the folder does not answer meanwhile
         assert not answer.done() and await bench.hub.stop(None) == ""
         released.set()
         assert (await answer).data == {"logs": []}

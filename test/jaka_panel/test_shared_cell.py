@@ -4,6 +4,8 @@ import json
 import threading
 from types import SimpleNamespace
 
+from waiting import happens
+
 from jaka_panel.cell.contents import CellData, text_of
 from jaka_panel.pages import shared_cell
 from jaka_panel.pages.shared_cell import SharedCell
@@ -24,13 +26,11 @@ def test_a_first_reading_that_takes_too_long_is_made_up_for(tmp_path, monkeypatc
         read, released = cell._file._read, threading.Event()
         cell._file._read = lambda: (released.wait(20.0), read())
         following = asyncio.ensure_future(cell.follow_for_ever())
-        await asyncio.sleep(0.6)
+        await asyncio.sleep(0.6)  # twice the time limit of a reading
         released.set()
-        while not told or not any(path.stat().st_size for path in log.iterdir()):
-            await asyncio.sleep(0.01)
+        await happens(lambda: told and any(path.stat().st_size for path in log.iterdir()), "it is read and logged")
         file.write_text(text_of(CellData(7, "2026-01-01T00:00:00Z", "an editor", {"points": {ARM: {"P1": POINT}}})))
-        while "P1" not in cell.told:
-            await asyncio.sleep(0.01)
+        await happens(lambda: "P1" in cell.told, "the new file is read")
         assert told[-1]["revision"] == 7
         following.cancel()
         await cell.close()
@@ -45,14 +45,12 @@ def test_a_disk_that_does_not_answer_holds_up_neither_the_loop_nor_the_other_pag
         told = []
         cell = SharedCell(str(tmp_path / "cell.json"), False, told.append)
         following = asyncio.ensure_future(cell.follow_for_ever())
-        while not told:
-            await asyncio.sleep(0.01)
+        await happens(lambda: told, "the cell is read")
         write = cell._file._write
         cell._file._write = lambda *args: (released.wait(20.0), write(*args))
         page = SimpleNamespace(id="p1", name="Ann", address="", may_command=True, has_token=True)
         change = asyncio.ensure_future(cell.change(page, {"revision": 0, "changes": [CHANGE]}))
-        for _ in range(20):
-            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.2)  # the disk does not answer meanwhile
         assert not change.done() and json.loads(cell.told)["revision"] == 0
         released.set()
         assert (await change).data == {"revision": 1} and told[-1]["revision"] == 1

@@ -79,7 +79,7 @@ def test_a_bridge_from_a_topic_moves_by_its_increments_and_leaves_servo_mode_whe
             rate = rospy.Rate(60)
             for _ in range(60):
                 publisher.publish(Float64MultiArray(data=[0.002, 0.0, 0.0, 0.0, 0.0, -0.0005]))
-                rate.sleep()
+                rate.sleep()  # the rate of a stream
             line = bridge.stdout.readline()
             assert line.startswith("end "), line
         finally:

@@ -106,7 +106,7 @@ def test_nothing_moves_under_another_condition_than_the_log_tells_of(arm, tmp_pa
         assert arm.call("set_speed_slider", speed_slider_fraction=1.0).success
         assert arm.call("set_payload", tool_num=1, mass=0.0, xc=0.0, yc=0.0, zc=0.0).ret == 1
         assert arm.call("set_collisionlevel", is_enable=True, value=60).ret == 1
-    time.sleep(1.5)
+    time.sleep(1.5)  # the same
     done = replay(log)
     assert done.returncode == 0, done.stderr
     assert "not compared" not in done.stdout, "all of it is told"
@@ -132,7 +132,7 @@ def stream(arm, service, poses):
     rate = rospy.Rate(1.0 / 0.032)
     for pose in poses:
         assert arm.call(service, pose=pose).ret == 1
-        rate.sleep()
+        rate.sleep()  # the rate of a stream
 
 
 def test_a_stream_of_servo_calls_gives_the_same_motion_again(arm, tmp_path):

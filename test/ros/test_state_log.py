@@ -124,7 +124,7 @@ def to_targets(arm):
         stamped = JointState(name=names[:1], velocity=[0.2])
         stamped.header.stamp = rospy.Time.now()
         jog.publish(stamped)
-        rospy.sleep(0.02)
+        rospy.sleep(0.02)  # the rate of a stream
     assert eventually(lambda: not arm.simulator.is_moving() and not arm.simulator.state()["is_servo_active"])
     rospy.sleep(_REST_S)
     here = joints_of(arm)
@@ -133,7 +133,7 @@ def to_targets(arm):
         stamped = JointState(name=names, position=[here[0] - 0.002 * step, *here[1:]])
         stamped.header.stamp = rospy.Time.now()
         servo.publish(stamped)
-        rospy.sleep(0.016)
+        rospy.sleep(0.016)  # the rate of a stream
     assert arm.call("servo_move_enable", enable=False).ret == 1
     for one in (command, jog, servo):
         one.unregister()
@@ -147,9 +147,9 @@ def moved(arm, tmp_path_factory):
     stand_at(arm, HOME)
     with recorded(path):
         assert eventually(lambda: CONTROLLER + "/command" in listened_to("/jaka_bag_record"))
-        rospy.sleep(1.0)
+        rospy.sleep(1.0)  # diagnostics come once a second
         end = to_targets(arm)
-        rospy.sleep(1.0)
+        rospy.sleep(1.0)  # the end is recorded, too: of nothing that comes then is known that it does
     return path, end
 
 
@@ -226,7 +226,7 @@ def test_a_log_of_a_fitted_arm_happens_again(fitted, tmp_path):
         rospy.sleep(2.5)  # diagnostics come once a second
         assert fitted.call("joint_move", pose=HOME, mvvelo=1.0, mvacc=3.0).ret == 1
         assert fitted.call("get_io", signal="digital", path=1, type=0, index=4).value == 1.0
-        rospy.sleep(1.0)
+        rospy.sleep(1.0)  # the end is recorded, too
     run = load_run(log)
     state = dict(with_beginning(scenario_of(log), run).arms[0].state)
     assert state["joints"] == pytest.approx(AWAY, abs=1e-3) and state["speed_override"] == 0.5

@@ -4,6 +4,7 @@ import time
 
 import pytest
 from fake_panel import ARM
+from waiting import eventually, wait_until
 
 JOG = ".jog-button[data-axis='0'][data-sign='1']"
 READY = "document.querySelector('#panel-move .go').dataset.ready === 'true'"
@@ -28,15 +29,8 @@ def beats(panel):
 def rested(panel):
     """Return whether heartbeats have ended: none comes for as long as some would have."""
     count = len(beats(panel))
-    time.sleep(QUIET_S)
+    time.sleep(QUIET_S)  # what must not come has no other sign
     return len(beats(panel)) == count
-
-
-def until(condition, what, timeout=30.0):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.01)  # between two looks
 
 
 def test_the_space_bar_stops_wherever_the_focus_is(panel, open_page):
@@ -46,7 +40,7 @@ def test_the_space_bar_stops_wherever_the_focus_is(panel, open_page):
         page.evaluate("document.querySelector(%s).focus()" % json.dumps(focus))
         before, stops = len(panel.doing()), len(panel.stops)
         page.key(" ")
-        until(lambda stops=stops: len(panel.stops) > stops, "stop arrives from " + focus)
+        wait_until(lambda stops=stops: len(panel.stops) > stops, "stop arrives from " + focus)
         page.until_text("#stop-said", "confirmed at rest")
         assert [one["t"] for one in panel.doing()[before:]] == ["stop"], focus
 
@@ -58,16 +52,16 @@ def test_in_a_field_for_words_the_space_bar_types_and_escape_stops(panel, open_p
     page.key(" ")
     assert page.evaluate("document.querySelector('#point-name').value") == " " and not panel.stops
     page.key("Escape")
-    until(lambda: panel.stops, "stop arrives")
+    wait_until(lambda: panel.stops, "stop arrives")
 
 
 def test_stop_needs_no_control_and_goes_by_http_where_the_socket_does_not_answer(panel, open_page):
     page = open_page()
     page.click("#stop")
-    until(lambda: panel.stops == ["socket"], "one stop for one click: %s" % panel.stops)
+    wait_until(lambda: panel.stops == ["socket"], "one stop for one click: %s" % panel.stops)
     panel.silent = True
     page.click("#stop")
-    until(lambda: "http" in panel.stops, "stop arrives another way")
+    wait_until(lambda: "http" in panel.stops, "stop arrives another way")
     page.until_text("#stop-said", "NOT CONFIRMED: use the emergency stop button")
 
 
@@ -78,7 +72,7 @@ def begin(page, panel, count, press):
         last = max([one["hold"] for one in beats(panel)], default=0)
         ends = len(panel.sent("jog_stop"))
         press()
-        until(lambda last=last, ends=ends: len(panel.sent("jog_stop")) > ends or sum(
+        wait_until(lambda last=last, ends=ends: len(panel.sent("jog_stop")) > ends or sum(
             one["hold"] > last for one in beats(panel)) >= count, "heartbeats")
         if len(panel.sent("jog_stop")) == ends:
             return beats(panel)[-1]["hold"]
@@ -92,7 +86,7 @@ def test_the_jog_lasts_as_long_as_the_button_is_held(panel, open_page):
     hold = begin(page, panel, 20, lambda: page.press(JOG))
     x, y = page.place(JOG)
     page.mouse("Released", x, y)
-    until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
+    wait_until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
     assert rested(panel)
     sent = [one for one in beats(panel) if one["hold"] == hold]
     assert {(one["space"], one["step"], tuple(one["v"])) for one in sent} == {("joint", None, (1, 0, 0, 0, 0, 0))}
@@ -110,7 +104,7 @@ def test_the_keyboard_jogs_while_enter_is_down_and_its_repetition_does_not_count
     for _ in range(5):
         page.key("Enter", "down", autoRepeat=True)
     page.key("Enter", "up")
-    until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
+    wait_until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
     page.key("Enter", "down", autoRepeat=True)  # as after a press that was lost
     assert rested(panel) and beats(panel)[-1]["hold"] == hold
 
@@ -141,9 +135,9 @@ def test_every_way_of_letting_go_ends_the_jog_for_good(panel, open_page):
         else:
             end(page, x, y)
         if how == "the page is loaded again":
-            until(lambda hellos=hellos: len(panel.sent("hello")) > hellos, "there is another page")
+            wait_until(lambda hellos=hellos: len(panel.sent("hello")) > hellos, "there is another page")
         else:
-            until(lambda hold=hold: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold,
+            wait_until(lambda hold=hold: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold,
                   "the end is told: " + how)
         assert rested(panel), "the button is still down, and nothing goes on: " + how
         page.mouse("Released", x, y)
@@ -157,26 +151,26 @@ def test_enter_that_is_held_presses_a_button_once(panel, open_page):
         page.evaluate("document.querySelector(%s).focus()" % json.dumps(button))
         page.key("Enter", "down")
         for _ in range(6):
-            time.sleep(0.1)  # while it is answered
+            time.sleep(0.1)  # the rate of a key that is held, while it is answered
             page.key("Enter", "down", autoRepeat=True)
         page.key("Enter", "up")
 
     hold_enter("#arm-bar button")
-    until(lambda: panel.sent("power"), "it is pressed")
+    wait_until(lambda: panel.sent("power"), "it is pressed")
     page.click("#tab-io")
     hold_enter("#panel-io [role=switch]")
-    until(lambda: panel.sent("set_output"), "it is pressed")
+    wait_until(lambda: panel.sent("set_output"), "it is pressed")
     page.click("#tab-cell")
     page.until("document.querySelector('#panel-cell .needs-control') !== null")
     hold_enter("#panel-cell .needs-control")
     page.until_text("#panel-cell .needs-control", "press again")
     assert rested(panel) and [len(panel.sent(one)) for one in ("power", "set_output", "payload")] == [1, 1, 0]
     page.key("Enter")
-    until(lambda: panel.sent("payload"), "a press of its own does it")
+    wait_until(lambda: panel.sent("payload"), "a press of its own does it")
     stops = len(panel.stops)
     page.evaluate("document.querySelector('#stop').focus()")
     page.key("Enter", "down", autoRepeat=True)
-    until(lambda: len(panel.stops) > stops, "STOP takes every Enter")
+    wait_until(lambda: len(panel.stops) > stops, "STOP takes every Enter")
 
 
 def test_without_control_nothing_is_sent_and_the_page_says_how_to_get_it(panel, open_page):
@@ -224,7 +218,7 @@ def test_a_target_is_shown_before_go_goes_there_and_only_there(panel, open_page)
     page.type("#panel-move input", "20")
     page.until(READY)
     page.click("#panel-move .go")
-    until(lambda: panel.sent("joint_move"), "the move is asked for")
+    wait_until(lambda: panel.sent("joint_move"), "the move is asked for")
     (move,) = panel.sent("joint_move")
     assert move["args"]["q"] == pytest.approx([0.349066, 1.5, -1.5, 1.5, 1.5, 0.0], abs=1e-3)
     page.type("#panel-move input", "9999")
@@ -242,13 +236,13 @@ def test_a_target_that_is_typed_while_the_arm_is_under_way_stays(panel, open_pag
     page.type("#panel-move input", "20")
     page.until(READY)
     page.click("#panel-move .go")
-    until(lambda: panel.sent("joint_move"), "the move is asked for")
+    wait_until(lambda: panel.sent("joint_move"), "the move is asked for")
     page.type("#panel-move input", "25")
     page.until(READY)
     panel.say(t="answer", id=panel.sent("joint_move")[0]["id"], ok=True, message="it is there")
     page.until_text("#toasts", "it is there")
     page.click("#panel-move .go")
-    until(lambda: len(panel.sent("joint_move")) == 2, "the second move is asked for")
+    wait_until(lambda: len(panel.sent("joint_move")) == 2, "the second move is asked for")
     assert panel.sent("joint_move")[1]["args"]["q"][0] == pytest.approx(0.436332, abs=1e-3)
 
 
@@ -265,7 +259,7 @@ def test_a_line_is_asked_of_the_controllers_kinematics_first(panel, open_page):
     page.type(field, "400")
     page.until(READY)
     page.click("#panel-move .go")
-    until(lambda: panel.sent("linear_move"), "the line is asked for")
+    wait_until(lambda: panel.sent("linear_move"), "the line is asked for")
     (move,) = panel.sent("linear_move")
     assert move["args"]["p"] == pytest.approx([0.4, -0.115, 0.37])
     assert [abs(value) for value in move["args"]["r"]] == pytest.approx([2.2214, 2.2214, 0.0], abs=1e-3)
@@ -288,7 +282,7 @@ def test_stored_points_are_kept_shown_and_run_through(panel, open_page):
     page.until_text("#panel-run .said", "4.0 s")
     page.until_text("#panel-run .warnings", "<b>")
     page.click("#panel-run .go")
-    until(lambda: panel.sent("plan_run"), "it is run by its number")
+    wait_until(lambda: panel.sent("plan_run"), "it is run by its number")
     assert panel.sent("plan_run")[0]["args"] == {"plan": "k1"}
 
 
@@ -297,7 +291,7 @@ def test_an_output_shows_what_the_controller_reports_not_what_was_asked(panel, o
     page.click("#tab-io")
     switch = "#panel-io [aria-label='cabinet DO 3']"
     page.click(switch)
-    until(lambda: panel.sent("set_output"), "it is asked for")
+    wait_until(lambda: panel.sent("set_output"), "it is asked for")
     assert panel.sent("set_output")[0]["args"] == {"signal": "digital", "bank": "cabinet", "index": 3, "value": True}
     assert page.evaluate("document.querySelector(%s).getAttribute('aria-checked')" % json.dumps(switch)) == "false"
     panel.io["banks"]["cabinet"]["do"][3] = True
@@ -404,9 +398,7 @@ def test_every_button_answers(panel, open_page):
             page.mouse("Moved", x, y)
             page.mouse("Pressed", x, y, 1)
             page.mouse("Released", x, y)
-            deadline = time.monotonic() + ANSWER_MS / 1000
-            while len(panel.received) == before and not page.evaluate("window.changed") and time.monotonic() < deadline:
-                time.sleep(0.01)  # between two looks
-            if len(panel.received) == before and not page.evaluate("window.changed"):
+            if not eventually(lambda before=before: len(panel.received) > before or page.evaluate("window.changed"),
+                              ANSWER_MS / 1000):
                 dead.append((tab, name))
     assert clicked > 60 and not dead, (clicked, dead)

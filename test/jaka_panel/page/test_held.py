@@ -19,7 +19,7 @@ def quiet(panel):
     words = ("jog", "jog_stop")
     assert eventually(lambda: [one["t"] for one in panel.doing() if one["t"] in words][-1:] == ["jog_stop"])
     count = len(panel.sent("jog"))
-    time.sleep(0.3)
+    time.sleep(0.3)  # what must not come has no other sign
     return len(panel.sent("jog")) == count
 
 
@@ -27,7 +27,7 @@ def held_by(page, press, release):
     """Press until it is held for four heartbeats: a busy host makes a page stand still, and ends a jog."""
     for _ in range(TRIES):
         press()
-        time.sleep(0.2)
+        time.sleep(0.2)  # four heartbeats, which a hold that has ended does not send
         if page.evaluate(HELD):
             return
         release()
@@ -74,7 +74,7 @@ def test_a_finger_and_a_pen_jog_for_as_long_as_they_touch(panel, open_page, kind
     for _ in range(TRIES):
         held_by(page, press, release)
         move()
-        time.sleep(0.1)
+        time.sleep(0.1)  # two heartbeats
         if page.evaluate(HELD):
             break
         release()
@@ -104,7 +104,7 @@ def test_a_second_finger_on_the_jog_speed_ends_the_jog(panel, open_page):
     touch("Start", first, second(0.1))
     for step in range(2, 9):
         touch("Move", first, second(0.1 * step))
-        time.sleep(0.02)
+        time.sleep(0.02)  # the pace of a finger
     page.until("document.querySelector('#jog-speed').value > 30", timeout=5.0)
     page.until("!(%s)" % HELD, timeout=2.0)
     assert quiet(panel)

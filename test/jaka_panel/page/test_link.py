@@ -68,7 +68,7 @@ def test_what_a_queue_on_the_link_holds_back_is_not_shown_as_new(browser, panel,
         page.until_text("#age", "live")
         for _ in range(40):
             link.delay += 0.02
-            time.sleep(0.03)
+            time.sleep(0.03)  # the pace at which the queue grows is the subject
         page.until("document.body.classList.contains('stale')", "0.8 s old, and known to be at once", timeout=1.5)
         link.delay = 0.0
         page.until("!document.body.classList.contains('stale')")

@@ -31,7 +31,7 @@ def switch_to(page, arm):
 
 
 def nothing_is_sent(panel, kind):
-    time.sleep(QUIET_S)
+    time.sleep(QUIET_S)  # what must not come has no other sign
     return not panel.sent(kind)
 
 

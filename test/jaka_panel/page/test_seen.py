@@ -6,6 +6,7 @@ import pytest
 from browser import Browser
 from fake_panel import HOME, REFUSED
 from import_graph import ROOT
+from waiting import wait_until
 
 AXE = ROOT / "build" / "js" / "node_modules" / "axe-core" / "axe.min.js"
 HOSTILE = "<script>window.pwned = 1</script><img src=x onerror='window.pwned = 2'>&lt;b&gt;"
@@ -121,10 +122,7 @@ def test_zones_are_asked_for_when_the_server_has_other_ones(panel):
     def tell(zones, count):
         panel.arms[0]["zones"] = zones
         panel.say(t="arms", arms=panel.arms)
-        until = time.monotonic() + 30.0
-        while len(asked) < count:
-            assert time.monotonic() < until, "the page asks"
-            time.sleep(0.01)  # between two looks
+        wait_until(lambda: len(asked) >= count, "the page asks")
     with Browser(webgl=True) as browser:
         page = browser.open(panel.url)
         page.until("document.querySelector('#joints td.number')?.textContent", "it is drawn")
@@ -256,10 +254,8 @@ def test_plots_stand_still_on_request_and_show_more_when_zoomed(panel, open_page
     assert not panel.sent("history"), "nobody has looked at plots yet"
     page.click("#drawer-bar > button")
     page.until("document.querySelector('#plots canvas').checkVisibility()")
-    deadline = time.monotonic() + 30.0
-    while [one["what"] for one in panel.sent("history")][:3] != ["q", "dq", "e"]:
-        assert time.monotonic() < deadline, "they begin with what the server has kept"
-        time.sleep(0.02)  # between two looks
+    wait_until(lambda: [one["what"] for one in panel.sent("history")][:3] == ["q", "dq", "e"],
+               "they begin with what the server has kept")
     page.click(".plot-bar > button")
     page.until_text(".plot-bar > button", "Go on")
     for span in (10, 120, 600):

@@ -24,7 +24,7 @@ class HeldPanel(FakePanel):
 
     async def _file(self, request):
         while self.withheld and request.path.endswith(self.withheld):
-            await asyncio.sleep(0.01)
+            await asyncio.sleep(0.01)  # another thread sets it
         if self.broken and request.path.endswith(self.broken):
             raise web.HTTPNotFound
         return await super()._file(request)
@@ -61,11 +61,11 @@ def test_samples_of_before_a_stop_by_post_confirm_nothing(panel, open_page):
             place, {childList: true, characterData: true, subtree: true});
     })()""")
     panel.held = []
-    time.sleep(0.3)  # states of an arm at rest wait on their way
+    assert eventually(lambda: len(panel.held or ()) > 5), "states of an arm at rest wait on their way"
     panel.wave = 0.5
     page.click("#stop")
     assert eventually(lambda: "http" in panel.stops)
-    time.sleep(0.3)  # its answer is there
+    time.sleep(0.3)  # its answer is there, which the page does not show before the messages that wait
     panel.let_go()
     page.until_text("#line-said", "Moving")
     page.until_text("#stop-said", "NOT CONFIRMED")

@@ -16,7 +16,7 @@ def until(holds, what):
 
 
 def nothing_is_sent(panel, kind):
-    time.sleep(0.3)  # it would come at once
+    time.sleep(0.3)  # what must not come has no other sign; it would come at once
     return not panel.sent(kind)
 
 

@@ -120,7 +120,7 @@ def test_cancelling_ends_it_as_preempted_and_nothing_more_is_sent(off, step):
     assert (state, result.success) == (GoalStatus.PREEMPTED, False)
     assert result.message == "the recovery was cancelled at the step \"%s\"" % step
     assert eventually(lambda: off.simulator.state()["is_powered"])
-    rospy.sleep(1.2)
+    rospy.sleep(1.2)  # what must not come has no other sign
     assert off.simulator.state()["is_enabled"] is (step == "enable"), "what was sent is carried out, nothing more"
 
 
@@ -139,7 +139,7 @@ def test_a_stop_ends_it(off):
     off.call("stop_move")
     state, result = client.end()
     assert state == GoalStatus.ABORTED and "was ended at the step \"power\": a stop" in result.message
-    rospy.sleep(1.2)
+    rospy.sleep(1.2)  # what must not come has no other sign
     assert not off.simulator.state()["is_enabled"]
 
 

@@ -251,7 +251,7 @@ def test_a_feed_that_is_no_feed(graph):
                 with connection:
                     for _ in range(200):
                         connection.sendall(b'{"len": 20, "a": "b"} nonsense ')
-                        time.sleep(0.01)
+                        time.sleep(0.01)  # the rate of a feed
         thread = threading.Thread(target=chatter)
         thread.start()
         _, found = report(graph, "ip:=127.0.0.1", "status_port:=%d" % listening.getsockname()[1])

@@ -40,7 +40,7 @@ def newest_of(topic, topic_type):
 def rate_of(arm, duration):
     with collecting(arm.name + "/joint_position", JointState) as messages:
         start = len(messages)
-        rospy.sleep(duration)
+        rospy.sleep(duration)  # the time over which a rate is counted
         return (len(messages) - start) / duration
 
 

@@ -1,4 +1,5 @@
 """Waiting in tests: for conditions, for calls in threads of their own, and for a free port. No ROS, no controller."""
+import asyncio
 import contextlib
 import random
 import socket
@@ -28,6 +29,14 @@ def wait_until(condition: Callable[[], Any], what: Union[str, Callable[[], str]]
     value = eventually(condition, timeout)
     assert value, "waited %g s in vain: %s" % (timeout, what if isinstance(what, str) else what())
     return value
+
+
+async def happens(condition: Callable[[], Any], what: str, timeout: float = WAIT) -> None:
+    """Wait in an event loop until the condition holds, while its other tasks run; fail with ``what``."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (timeout, what)
+        await asyncio.sleep(_LOOK_S)
 
 
 class StallWatch:
