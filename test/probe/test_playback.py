@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from jaka_ros_driver.kinematics.arm_models import model_names
+from jaka_ros_driver.probe import ask as questions
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import QUESTIONS, Questioner, ask
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
@@ -102,6 +103,8 @@ class Player:
 def found(monkeypatch):
     """Return the facts of look and ask on a player of this record."""
     monkeypatch.setattr(Questioner.ask, "__defaults__", (PATIENCE_S,))
+    monkeypatch.setattr(questions, "_SHORT_S", PATIENCE_S)
+    monkeypatch.setattr(questions, "_POLLED_S", PATIENCE_S)  # what it finds then is the player's
 
     def found(record, hangs_up=False):
         facts, log = {}, ConnectionLog("127.0.0.1")
