@@ -5,6 +5,9 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.containers.registry import read_index
 from jaka_bag.errors import BagError
+from jaka_regression.cell import stage as stage_of_a_cell
 from jaka_regression.cell.history import read_history
 from jaka_regression.cell.launch_file import LaunchFileError, check_launch_file
 from jaka_regression.cell.run import run_cell
@@ -36,7 +40,7 @@ events:  # the gripper, whose switch is input 2
 WITHOUT_DRIVER = ("driver:=false",)
 FIRST_RUNS = 3
 HANGS_S = 30.0
-"""Limit of a node that hangs, s: its calls before that take 4 s, and 15 s on a busy host."""
+"""Limit of a node that hangs, s: its calls before that take 4 s, and 15 s on a busy host; then nothing comes."""
 
 
 class Cell:
@@ -170,7 +174,17 @@ def test_a_node_that_cannot_be_started_is_an_error(cell, tmp_path):
     assert "cannot launch node of type [my_cell/pick_and_place.py]" in result.summary, result.summary
 
 
-def test_a_node_that_never_ends_is_an_error_that_says_what_is_missing(cell, tmp_path):
+def test_a_node_that_never_ends_is_an_error_that_says_what_is_missing(cell, tmp_path, monkeypatch):
+    hangs, seen = threading.Event(), CellStage._seen
+
+    def noted(stage, event):
+        seen(stage, event)
+        if stage._answered == 5:
+            hangs.set()
+    # from then on nothing happens until the limit: the clock is put forward by it
+    monkeypatch.setattr(CellStage, "_seen", noted)
+    monkeypatch.setattr(stage_of_a_cell, "time", SimpleNamespace(
+        sleep=time.sleep, monotonic=lambda: time.monotonic() + HANGS_S * hangs.is_set()))
     cell.change(("line(UP)\n", "rospy.spin()\n"))
     result = cell.run(tmp_path, limit_s=HANGS_S)
     assert not result.same, result.summary
@@ -180,7 +194,8 @@ def test_a_node_that_never_ends_is_an_error_that_says_what_is_missing(cell, tmp_
         assert words in result.summary and report_has(result, html.escape(words)), result.summary
 
 
-def test_a_node_that_goes_on_is_over_when_all_is_done(cell, tmp_path):
+def test_a_node_that_goes_on_is_over_when_all_is_done(cell, tmp_path, monkeypatch):
+    monkeypatch.setattr(stage_of_a_cell, "_QUIET_S", 2.0)  # all is done before it begins
     cell.change(("wait_for(0)\n", "wait_for(0)\nrospy.spin()\n"))
     result = cell.run(tmp_path)
     assert result.same, result.summary
