@@ -24,6 +24,7 @@ _LISTEN_S = 1.5
 _STAYS_S = 1.0
 """Time, s, for which a connection must stay after the last answer: another client that takes the port ends it."""
 _RECEIVE_BYTES = 1 << 16
+"""Bytes read at a time: seven of the longest frames."""
 
 
 class FeedSample(NamedTuple):

@@ -18,6 +18,7 @@ MAX_KEPT_BYTES = 1 << 26
 not kept.
 """
 _RECEIVE_BYTES = 1 << 16
+"""Bytes read at a time: seven of the longest frames."""
 _NAMING = re.compile(rb'"[^"]*(?:serial|robot_id|robot_name|_sn|mac_addr)[^"]*"\s*:\s*'
                      rb'(?:"((?:[^"\\]|\\.)*)"|(-?[\d.]+))', re.IGNORECASE)
 """A field of JSON whose value names one arm."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import List, Optional, Tuple
 
 PORT = 8080
+"""Default port of the page, as local servers of pages have it."""
 PORTS_TRIED = 20
 """Number of ports tried, from the asked-for one on: other panels and services have some."""
 LOOPBACK = "127.0.0.1"

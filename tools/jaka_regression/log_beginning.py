@@ -18,6 +18,7 @@ _FRAMES, _OVERRIDE = "/tf", "speed_scaling_factor"
 _TOOL = "tool"
 _USER_FRAME = "user_frame_"
 _NO_OFFSET = 1e-9
+"""Largest part of a frame's offset that is none: rounding of floats."""
 _SUFFIXES = (".jks", ".ngc")
 """Endings that a program's name may have when it is loaded."""
 

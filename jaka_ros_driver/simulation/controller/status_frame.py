@@ -20,6 +20,7 @@ MAX_POLLED_BYTES = 8990
 _Field = Tuple[str, Callable[[ControllerState], Any]]
 
 _JOINT_TEMPERATURE = 31.0
+"""Temperature of each joint, deg C; made up, as of an arm that has stood for a while."""
 _JOINTS_AT_REST = tuple((0.4, 48.0, _JOINT_TEMPERATURE, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0) for _ in range(6))
 _MONITOR_DATA = (12338, 12593, 36.5, 41.2, 0.86, _JOINTS_AT_REST)
 """The monitoring data: firmware of the safety board as ASCII, cabinet deg C, W, A, joints.

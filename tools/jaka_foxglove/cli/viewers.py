@@ -11,6 +11,7 @@ if TYPE_CHECKING:  # aiohttp is needed when a server runs, not for its help
     from ..source import ChannelSource
 
 DEFAULT_PORT = 8765
+"""The port that Foxglove and Lichtblick offer for a WebSocket of their protocol."""
 _OPEN = "%s: everybody who reaches this port sees %s; nothing is encrypted, and nobody is asked for a password"
 
 

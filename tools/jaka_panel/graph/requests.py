@@ -24,6 +24,7 @@ SHORT_S, LONG_S, MOTION_S = 10.0, 60.0, 86400.0
 """Longest wait, s, for an answer: of a short call, of one that powers the arm, and of a motion."""
 _COLLISION_VALUES = {1: 25, 2: 50, 3: 75, 4: 100}
 _FAILURE = 9998.0
+"""Value above which all numbers of a pose or joints are the driver's sign of a failure (9999)."""
 _LONGEST_NAME = 100
 """Most characters of a name in a request."""
 _READ_BACK = 1e-3

@@ -3,6 +3,7 @@ import math
 from typing import List, Sequence
 
 _TINY = 1e-12
+"""Sine below which an axis is not known, and a rotation counts as none: rounding of floats."""
 
 
 def vector_from_quaternion(x: float, y: float, z: float, w: float) -> List[float]:

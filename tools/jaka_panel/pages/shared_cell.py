@@ -26,6 +26,7 @@ _LIMIT_S = 10.0
 _LOOK_S = 2.0
 """Period, s, of the looks whether somebody else has changed the file."""
 _LARGEST_REVISION = 10 ** 12
+"""Largest revision, far beyond any count of changes: a number without a bound may have a million digits."""
 _TOO_OFTEN = "too many changes of the cell's data at once: try again"
 
 
