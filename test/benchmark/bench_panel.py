@@ -39,7 +39,8 @@ ROUNDS = 5
 def watch(pipe, port, token, arm, count):
     """Open pages, and report the messages that they received by kind, each time that the pipe asks."""
     with contextlib.closing(Loop()) as loop, contextlib.ExitStack() as stack:
-        pages = [stack.enter_context(Page(loop, SimpleNamespace(port=port, token=token))) for _ in range(count)]
+        panel = SimpleNamespace(scheme="http", port=port, token=token)
+        pages = [stack.enter_context(Page(loop, panel)) for _ in range(count)]
         for page in pages:
             page.watch(arm, plots=True)
         pipe.send([])

@@ -4,12 +4,14 @@ import json
 import os
 import re
 import socket
-import subprocess
+import ssl
 from pathlib import Path
 
 import aiohttp
 import pytest
+from import_graph import ROOT
 from panel_page import Page, PanelProcess, get, refused
+from strangers import context, half_of_a_hello
 from tls_proxy import TlsProxy
 from waiting import WAIT, eventually
 
@@ -119,16 +121,18 @@ def test_requests_that_are_none_fill_no_log(panel):
     assert logged() - before < LOGGED, "bytes"
 
 
+def descriptors(panel):
+    return len(os.listdir("/proc/%d/fd" % panel.process.pid))
+
+
 def test_connections_that_ask_nothing_are_few_and_keep_nobody_out(loop, panel):
-    def descriptors():
-        return len(os.listdir("/proc/%d/fd" % panel.process.pid))
-    before = descriptors()
+    before = descriptors(panel)
     with contextlib.ExitStack() as links:
         for _ in range(300):
             link = links.enter_context(socket.create_connection(("127.0.0.1", panel.port), WAIT))
             with contextlib.suppress(ConnectionError):
                 link.sendall(b"GET / HTTP/1.1\r\nHost: 127")
-        assert eventually(lambda: descriptors() < before + 150)
+        assert eventually(lambda: descriptors(panel) < before + 150)
         assert get(loop, panel, "/api/stop", "POST", Origin="http://127.0.0.1:%d" % panel.port,
                    Authorization="Bearer " + panel.token, **{"Content-Length": "0"})[0] == 200
         with Page(loop, panel) as page:
@@ -150,7 +154,9 @@ def test_visitors_have_a_place_of_their_own_and_none_of_the_others(loop, panel):
     b"\x01\xfe\x40\x00" + bytes(4 + 0x4000) + 7 * (b"\x00\xfe\x40\x00" + bytes(4 + 0x4000))],
     ids=["ping", "pong", "fragments", "a message without end"])
 @pytest.mark.parametrize("token", [None, True], ids=["visitor", "token"])
-def test_frames_of_any_kind_beyond_the_share_end_the_connection(loop, panel, token, data):
+@pytest.mark.parametrize("served_by", ["panel", "secret"], ids=["clear", "TLS"])
+def test_frames_of_any_kind_beyond_the_share_end_the_connection(loop, request, served_by, token, data):
+    panel = request.getfixturevalue(served_by)
     with Page(loop, panel, token=token) as page, Page(loop, panel) as other:
         page.write(data * (1 if len(data) > 1000 else 2000))
         assert eventually(lambda: page.closed is not None)
@@ -312,16 +318,6 @@ def test_a_page_that_asked_and_goes_takes_nothing_from_the_one_that_has_control(
         assert one.counts["jog_speed"] == told, "the jog's speed is as it was: no hold was ended"
 
 
-@pytest.fixture(scope="module")
-def certificate(tmp_path_factory):
-    """Return the files of a certificate for localhost and its key."""
-    folder = tmp_path_factory.mktemp("tls")
-    cert, key = str(folder / "cert.pem"), str(folder / "key.pem")
-    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost",
-                    "-keyout", key, "-out", cert, "-days", "1"], check=True, stderr=subprocess.DEVNULL)
-    return cert, key
-
-
 async def talk(address, token):
     """Ask for the arms, stop, and open a page with the token and one without; return the answers and both welcomes."""
     async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=False)) as session:
@@ -339,13 +335,115 @@ async def talk(address, token):
         return info, stopped, welcomes
 
 
-def test_with_tls_everything_is_served_too(loop, ros_node, certificate):
-    cert, key = certificate
-    with PanelProcess("--tls-cert", cert, "--tls-key", key, "--pages", "3", name="secret") as panel:
-        assert panel.address.startswith("https://")
-        info, stopped, welcomes = loop.run(talk(panel.address, panel.token))
-        assert info["arms"] == [] and stopped["ok"]
-        assert [welcome["may"] for welcome in welcomes] == ["command", "watch"]
+@pytest.fixture(scope="module")
+def secret(ros_node, certificate, tmp_path_factory):
+    (cert, key), folder = certificate, tmp_path_factory.mktemp("secret")
+    with PanelProcess("--tls-cert", cert, "--tls-key", key, "--pages", "3", "--cell-data", str(folder / "cell.json"),
+                      name="secret") as panel:
+        panel.folder = folder
+        yield panel
+
+
+def test_with_tls_everything_is_served_too(loop, secret):
+    assert secret.address.startswith("https://")
+    info, stopped, welcomes = loop.run(talk(secret.address, secret.token))
+    assert info["arms"] == [] and stopped["ok"]
+    assert [welcome["may"] for welcome in welcomes] == ["command", "watch"]
+
+
+def test_with_tls_files_come_whole_and_large_messages_both_ways(loop, secret):
+    async def fetch(path):
+        async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=False)) as session, session.get(
+                secret.address + path) as answer:
+            return answer.status, await answer.read()
+    largest = max((ROOT / "tools/jaka_panel/web").rglob("*.js"), key=lambda path: path.stat().st_size)
+    name = largest.relative_to(ROOT / "tools/jaka_panel").as_posix()
+    assert loop.run(fetch(name)) == (200, largest.read_bytes())
+    with Page(loop, secret) as page:
+        page.send(t="ping", clock=1.0, fill="x" * 60000)
+        assert eventually(lambda: page.counts.get("pong"))
+        page.send(t="cmd", id="y" * 60000, arm=None, cmd="none")
+        assert page.wait("answer", lambda m: m["id"] == "y" * 60000)["message"] == "no such command"
+
+
+@pytest.mark.parametrize("size", [1, 16])
+def test_with_tls_a_request_that_comes_in_small_pieces_is_served(secret, size):
+    """Send the records of TLS in pieces, with one byte of text in each of them."""
+    incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+    tls = context().wrap_bio(incoming, outgoing)
+    with socket.create_connection(("127.0.0.1", secret.port), WAIT) as link:
+        def talk(step, *args):
+            while True:
+                try:
+                    return step(*args)
+                except ssl.SSLWantReadError:
+                    send()
+                    data = link.recv(1 << 16)
+                    assert data, "the connection ends"
+                    incoming.write(data)
+
+        def send():
+            data = outgoing.read()
+            for at in range(0, len(data), size):
+                link.sendall(data[at:at + size])
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        talk(tls.do_handshake)
+        for letter in b"GET /api/info HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % secret.port:
+            tls.write(bytes([letter]))
+        send()
+        assert talk(tls.read, 1 << 16).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize("data", [
+    b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", b"\x16\x03\x01\xff\xff" + b"x" * 70000,
+    b"\x16\x03\x01\x00\x01\x01" * 20000], ids=["nothing", "no TLS", "a record without end", "records without end"])
+def test_what_is_no_handshake_ends_the_connection_and_nobody_elses(loop, secret, data):
+    with Page(loop, secret) as page, socket.create_connection(("127.0.0.1", secret.port), WAIT) as link:
+        link.settimeout(WAIT)
+        with contextlib.suppress(ConnectionError):
+            link.sendall(data)
+            while link.recv(1 << 16):
+                pass
+        before = page.counts.get("pong", 0)
+        assert eventually(lambda: page.counts.get("pong", 0) > before) and page.closed is None
+    assert "Traceback" not in "".join(secret.said)
+
+
+def test_handshakes_that_stop_half_way_are_few_end_in_time_and_push_nobody_off(loop, secret):
+    before, half = descriptors(secret), half_of_a_hello()
+    with Page(loop, secret) as page, contextlib.ExitStack() as links:
+        for number in range(300):
+            link = links.enter_context(socket.create_connection(("127.0.0.1", secret.port), WAIT))
+            with contextlib.suppress(ConnectionError):
+                link.sendall(half[:number])
+        assert eventually(lambda: descriptors(secret) < before + 100)
+        with Page(loop, secret) as late:
+            assert late.welcome["may"] == "command"
+        assert eventually(lambda: descriptors(secret) < before + 5), "they are waited for no longer"
+        assert page.closed is None
+
+
+def test_with_tls_nothing_is_left_of_connections_that_were_cut(secret):
+    def held():
+        return descriptors(secret), len(os.listdir("/proc/%d/task" % secret.process.pid))
+    before = held()
+    for _ in range(20):
+        for token in (secret.token, "none"):  # served in one loop, and in the other
+            with context().wrap_socket(socket.create_connection(("127.0.0.1", secret.port), WAIT)) as link:
+                link.sendall(b"GET /api/info HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nAuthorization: Bearer %s\r\n\r\n" % (
+                    secret.port, token.encode()))
+    assert eventually(lambda: all(now <= then for now, then in zip(held(), before))), (held(), before)
+
+
+def test_with_tls_a_change_of_the_cell_is_logged_with_the_address_of_its_browser(loop, secret):
+    with Page(loop, secret) as page:
+        page.send(t="cell")
+        revision = page.wait("cell", lambda m: not m["problem"])["revision"]
+        change = {"section": "points", "arm": "/x", "name": "P", "entry": {"q": [0.0] * 6}}
+        assert page.command("cell_change", None, revision=revision, changes=[change])["ok"]
+        port = page.own_port()
+    lines = [json.loads(line) for line in (secret.folder / "cell.audit" / "audit-000000000001.jsonl").open()]
+    assert lines[-1]["host"] == "127.0.0.1:%d" % port
 
 
 def test_behind_a_proxy_with_tls_everything_is_served_to_its_own_pages(loop, ros_node, certificate):

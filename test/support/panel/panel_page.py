@@ -23,6 +23,7 @@ class PanelProcess:
 
     Attributes:
         address: The address of its page, without the token.
+        scheme: http or https.
         token: The token of its commands.
     """
 
@@ -36,6 +37,7 @@ class PanelProcess:
         assert eventually(lambda: self._opened() or self.process.poll() is not None, WAIT)
         assert self._opened(), "".join(self.said)
         self.address, self.token = self._opened().groups()
+        self.scheme = self.address.partition(":")[0]
         self.port = int(self.address.rstrip("/").rpartition(":")[2])
 
     def _read(self):
@@ -113,7 +115,7 @@ class Page:
 
     def __init__(self, loop, panel, token=True, origin=None, headers=None, name="page", hello=True, port=None):
         self._loop = loop
-        self.address = "http://127.0.0.1:%d" % (port or panel.port)
+        self.address = "%s://127.0.0.1:%d" % (panel.scheme, port or panel.port)
         self.messages, self.states, self.counts = [], {}, {}
         self.plots = []
         self.is_shown = True
@@ -137,7 +139,7 @@ class Page:
         self._session = aiohttp.ClientSession()
         try:
             self._socket = await self._session.ws_connect(self.address + "/ws", headers=headers, max_msg_size=0,
-                                                             protocols=protocols)
+                                                             protocols=protocols, ssl=False)
         except BaseException:
             await self._session.close()
             raise
@@ -175,6 +177,10 @@ class Page:
         await self._socket.send_str(message if isinstance(message, str) else json.dumps(message))
 
     # ---- talk ----
+
+    def own_port(self):
+        """Return the port from which it has connected."""
+        return self._socket.get_extra_info("sockname")[1]
 
     def send(self, text=None, **message):
         self._loop.run(self._send(message if text is None else text))
@@ -226,6 +232,11 @@ class Page:
         return answer["ok"]
 
     # ---- jog ----
+
+    @property
+    def held(self):
+        """The number of the press that is held, or was the last."""
+        return self._hold
 
     def press(self, arm, values, space="joint", step=None):
         """Hold a button from now on; return the number of the press."""

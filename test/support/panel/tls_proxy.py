@@ -1,7 +1,19 @@
-"""A proxy on loopback that ends TLS, as nginx or caddy before a panel: bytes in the clear go to the panel and back."""
+"""A proxy on loopback that ends TLS, as nginx or caddy before a panel: bytes in the clear go to the panel and back.
+
+And the certificate for it, or for a panel.
+"""
 import asyncio
 import contextlib
 import ssl
+import subprocess
+
+
+def certificate_in(folder):
+    """Make a certificate for localhost and its key in a folder; return their files."""
+    cert, key = "%s/cert.pem" % folder, "%s/key.pem" % folder
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost",
+                    "-keyout", key, "-out", cert, "-days", "1"], check=True, stderr=subprocess.DEVNULL)
+    return cert, key
 
 
 class TlsProxy:

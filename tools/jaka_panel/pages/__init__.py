@@ -4,6 +4,7 @@ Two event loops, each with its thread: the hub's, of arms, stop and jog and of c
 door's, of everybody else.
 
 door            the listener, and which loop a connection belongs to
+tls             the TLS of a connection, which goes from one loop to another
 peer            what a connection may send, below requests and messages
 log_limit       how many log lines peers can cause
 access          who may ask: Host, Origin, headers, the token

@@ -1,8 +1,8 @@
 """The door: the listener, on a loop and thread of its own, and where each connection goes from there.
 
 A connection whose first request has the token goes to the hub's loop: stop and heartbeats share that loop and its
-thread with nobody who has not. All others are served here: visitors, and the page's files. With TLS the token is not
-seen before the connection belongs to a loop: then all are served here, and only what a page says goes to the hub.
+thread with nobody who has not. All others are served here: visitors, and the page's files. The handshake of TLS is
+here, too; what it has begun goes on in either loop.
 """
 import asyncio
 import contextlib
@@ -18,10 +18,11 @@ from .access import Access
 from .hub import Hub
 from .peer import HEAD_S, MOST_PEERS, OPERATOR, VISITOR
 from .server import Server
+from .tls import Tls, tls_context
 
 _LOG = logging.getLogger(__name__)
-_LONGEST_HEAD = 16 * 1024
-"""Longest head, byte, of a connection that is read to see where it belongs."""
+_LONGEST_HEAD = 32 * 1024
+"""Bytes of a connection until its first request has a head, those of a TLS handshake among them."""
 _BACKLOG = 128
 """Connections that wait to be accepted: more than pages open when a panel comes back."""
 _FULL = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -54,8 +55,7 @@ class Door:
     async def start(self) -> None:
         """Listen; called in the hub's loop. Raises OSError where no port is free or a TLS file cannot be used."""
         if self._settings.tls is not None:
-            self._context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-            self._context.load_cert_chain(*self._settings.tls)
+            self._context = tls_context(*self._settings.tls)
         self._listener = _listener(self._settings)
         self.port = int(self._listener.getsockname()[1])
         await self._operators.start()
@@ -102,30 +102,40 @@ class Door:
     async def _admit(self, link: socket.socket) -> None:
         """Pass a connection to who serves it; one that asks nothing in time, or too much, is closed."""
         try:
-            if self._context is not None:
-                await self._visitors.take(link, b"", self._context)
-                return
-            head = await asyncio.wait_for(self._head(link), HEAD_S)
+            tls = None if self._context is None else Tls(self._context)
+            head = await asyncio.wait_for(self._head(link, tls), HEAD_S)
+            task = asyncio.current_task()
+            assert task is not None
+            self._entering.pop(task, None)  # it has asked, and makes way for none any more
             if not head:
                 link.close()
             elif self._access.has_token(head):
-                await self._hub.ask(self._operators.take(link, head))
+                await self._hub.ask(self._operators.take(link, head, tls))
             else:
-                await self._visitors.take(link, head)
+                await self._visitors.take(link, head, tls)
         except (OSError, asyncio.TimeoutError):
             link.close()
         except asyncio.CancelledError:
             link.close()
             raise
 
-    async def _head(self, link: socket.socket) -> bytes:
-        """Read the head of the first request; empty where none comes."""
-        head = b""
+    async def _head(self, link: socket.socket, tls: Optional[Tls]) -> bytes:
+        """Read the head of the first request, and the handshake of TLS before it; empty where none comes.
+
+        Raises:
+            OSError: The peer has gone, or what it sends is no TLS.
+        """
+        head, left = b"", _LONGEST_HEAD
         while b"\r\n\r\n" not in head:
-            data = await self._loop.sock_recv(link, _LONGEST_HEAD)
-            if not data or len(head) > _LONGEST_HEAD:
+            data = await self._loop.sock_recv(link, left)
+            left -= len(data)
+            if not data or not left:
                 return b""
-            head += data
+            if tls is None:
+                head += data
+            else:
+                head += tls.decrypt(data)
+                await self._loop.sock_sendall(link, tls.take_waiting())
         return head
 
 

@@ -3,13 +3,14 @@ import asyncio
 import logging
 import time
 from http import HTTPStatus
-from typing import Any, Dict, NamedTuple, Optional
+from typing import Any, Dict, NamedTuple, Optional, cast
 
 from aiohttp import web
 
 from ..authority.frames import FrameCounter
 from ..authority.rate_limiter import RateLimiter
 from .access import HEADERS
+from .tls import Tls, TlsTransport
 
 _LOG = logging.getLogger(__name__)
 HEAD_S = 5.0
@@ -66,16 +67,18 @@ class Peer(web.RequestHandler):
         has_place: True if it has a place for a page.
     """
 
-    __slots__ = ("has_place", "_is_page", "_peers", "_begin", "_bytes", "_frame_limit", "_frames",
-                 "_is_answering", "_tail", "_late")
+    __slots__ = ("has_place", "_is_page", "_peers", "_begin", "_tls", "_encrypted", "_bytes", "_frame_limit",
+                 "_frames", "_is_answering", "_tail", "_late")
 
-    def __init__(self, manager: web.Server, peers: PeerRegistry, share: Share, begin: bytes = b"") -> None:
-        """Begin with the bytes that were read already."""
+    def __init__(self, manager: web.Server, peers: PeerRegistry, share: Share, begin: bytes = b"",
+                 tls: Optional[Tls] = None) -> None:
+        """Begin with the text that was read already."""
         super().__init__(manager, loop=asyncio.get_event_loop(), access_log=None,  # type: ignore[arg-type]
                          keepalive_timeout=KEEP_S, max_line_size=LONGEST_LINE, max_field_size=LONGEST_LINE,
                          lingering_time=0.0)
         self.has_place = self._is_page = False
-        self._peers, self._begin = peers, begin
+        self._peers, self._begin, self._tls = peers, begin, tls
+        self._encrypted: Optional[TlsTransport] = None
         self._frames = FrameCounter()
         self._is_answering = False
         self._tail = b""
@@ -90,11 +93,13 @@ class Peer(web.RequestHandler):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin; a peer that asks nothing is cut."""
+        if self._tls is not None:
+            transport = self._encrypted = TlsTransport(cast(asyncio.Transport, transport), self._tls)
         super().connection_made(transport)
         self._peers.add(self)
         self._late = asyncio.get_event_loop().call_later(HEAD_S, self.cut)
         if self._begin:
-            self.data_received(self._begin)
+            self._receive(self._begin, None)
 
     def connection_lost(self, exc: Optional[BaseException]) -> None:
         """Forget the connection, which has ended."""
@@ -104,23 +109,30 @@ class Peer(web.RequestHandler):
 
     def data_received(self, data: bytes) -> None:
         """Pass bytes on as far as the peer's share goes; beyond it the connection is cut."""
-        if self._is_within(data):
-            try:
-                super().data_received(data)
-                return
-            except Exception as error:  # of aiohttp's parser, such as ValueError for an address that is none
-                _LOG.debug("a request cannot be read: %s", error)
+        self._receive(data, self._encrypted)
+
+    def _receive(self, data: bytes, encrypted: Optional[TlsTransport]) -> None:
+        """Count bytes as they come, and what they say; pass on what is within the share."""
+        try:
+            if self._bytes.spend(time.monotonic(), len(data)):
+                text = data if encrypted is None else encrypted.decrypted(data)
+                if not text:
+                    return  # a part of a record, or none that says anything
+                if self._is_within(text):
+                    super().data_received(text)
+                    return
+        except Exception as error:  # of aiohttp's parser, such as ValueError for an address that is none; of TLS
+            _LOG.debug("a request cannot be read: %s", error)
         self.cut()
 
-    def _is_within(self, data: bytes) -> bool:
-        now = time.monotonic()
-        if not self._bytes.spend(now, len(data)):
-            return False
+    def _is_within(self, text: bytes) -> bool:
+        """Return whether frames are within the share, and requests one at a time."""
         if self._is_page:
-            return self._frame_limit.spend(now, self._frames.feed(data)) and self._frames.unfinished <= LONGEST_MESSAGE
+            return (self._frame_limit.spend(time.monotonic(), self._frames.feed(text))
+                    and self._frames.unfinished <= LONGEST_MESSAGE)
         if self._is_answering:
             return False
-        seen = self._tail + data
+        seen = self._tail + text
         end = seen.find(_END)
         self._is_answering = end >= 0
         self._tail = b"" if self._is_answering else seen[1 - len(_END):]

@@ -2,7 +2,6 @@
 import asyncio
 import json
 import socket
-import ssl
 import time
 from typing import Any, Optional
 
@@ -13,7 +12,8 @@ from ..settings import Settings
 from .access import HEADERS, Access, sent_twice
 from .files import page_file
 from .hub import Hub
-from .peer import HEAD_S, Peer, PeerRegistry, Share
+from .peer import Peer, PeerRegistry, Share
+from .tls import Tls
 from .websocket_session import converse
 
 _DECIDE = ("Host", "Origin", "Sec-Fetch-Site", "Authorization")
@@ -43,13 +43,12 @@ class Server:
         self._runner = web.AppRunner(app, access_log=None, handle_signals=False)
         await self._runner.setup()
 
-    async def take(self, link: socket.socket, head: bytes, context: Optional[ssl.SSLContext] = None) -> None:
+    async def take(self, link: socket.socket, head: bytes, tls: Optional[Tls]) -> None:
         """Serve a connection, of which ``head`` was read already; raises OSError where it ends before it begins."""
         assert self._runner is not None and self._runner.server is not None
         manager, loop = self._runner.server, asyncio.get_event_loop()
         await loop.connect_accepted_socket(  # type: ignore[attr-defined]
-            lambda: Peer(manager, self._peers, self._share, head), link, ssl=context,
-            ssl_handshake_timeout=None if context is None else HEAD_S)
+            lambda: Peer(manager, self._peers, self._share, head, tls), link)
 
     async def close(self) -> None:
         """End all connections."""
