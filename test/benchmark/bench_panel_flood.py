@@ -56,7 +56,7 @@ def main(count, kinds):
         live.arm.wait_until_ready()
         for kind in kinds:
             for number in COUNTS:
-                with strangers(bench.panel.port, number, kind):
+                with strangers(bench.panel, number, kind):
                     rows.append((kind, number, *stops(bench, loop, count)))
         bench.close()
         verdict = live.verdict()

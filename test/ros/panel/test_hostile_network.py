@@ -5,102 +5,88 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from driver_bench import DriverProcess, LiveDriver, SimulatorProcess, on
-from flooding import strangers
+from driver_bench import LiveDriver
+from hostile_network import (
+    JOGGED,
+    LINKS,
+    STOP,
+    press_moves,
+    restart_the_driver,
+    restart_the_master,
+    restart_the_panel,
+    seen_over,
+    stall_a_jog,
+    stop,
+    stop_among,
+    stop_over_a_link,
+)
 from jog_pad import last_frame_of_motion
 from panel_jog import JogBench
-from panel_page import Loop, Page, PanelProcess
+from panel_page import Loop
 from ros_graph import Graph, changed_environment
 from slow_link import LOST_S, SlowLink
-from waiting import WAIT, eventually
+from waiting import eventually, free_port
 
 STOP_S = 1.0
 """Time limit of a stop to the wire besides the way of the link, s: 0.25 s on a quiet host
-(test/benchmark/bench_panel_flood.py), and what a busy one may take away. Without a loop of its own, a stop among three
-strangers took 6 s."""
+(test/benchmark/bench_panel_network.py), and what a busy one may take away. Without a loop of its own, a stop among
+three strangers took 6 s."""
 REST_S = 1.0
 """Time limit from the last heartbeat that counts to rest, s: 0.3 s on a quiet host."""
-STOP = "stop_program"
-LINKS = {"no delay": {}, "150 ms there and back": {"delay": 0.075}, "300 ms": {"delay": 0.15},
-         "800 ms": {"delay": 0.4}, "losses": {"delay": 0.02, "loss": 0.05}}
 FLOODS = {"1 stranger": (1, "ping"), "3 strangers": (3, "ping"), "10 strangers": (10, "ping"),
           "3 strangers with fragments": (3, "fragments"), "10 strangers that come and go": (10, "connections")}
+BY_TLS = {name + ", TLS": FLOODS[name] for name in FLOODS if name != "1 stranger"}
+BY_TLS.update({"%d strangers that begin by half, TLS" % count: (count, "half begun") for count in (3, 10)})
+LINK_BY_TLS = "300 ms, TLS"
+RESTARTED = ("driver restarted", "panel restarted")
 STOPS = 3
 STOPS_AT_ONCE = 12
 GIVEN_UP_S = 4.0
 """Time limit, s, for the answer that a driver does not stop: 0.9 s on a quiet host; it took 5.3 s."""
-JOGGED = {"no delay": 0.0, "100 ms there and back": 0.05}
+TRUTH_S = 3.0
+"""Time limit, s, within which a page is shown that the driver, or the panel, is dead: 1 s on a quiet host."""
 
 
 @pytest.fixture(scope="module")
-def told(ros_node, tmp_path_factory):
-    told = SimpleNamespace(stops={}, ends={}, refused=[], connected=set(), is_cut=set())
-    with LiveDriver(tmp_path_factory.mktemp("network"), name="far", guard=False) as live, contextlib.closing(
-            Loop()) as loop, contextlib.closing(JogBench(live, loop)) as bench:
+def told(ros_node, certificate, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("network")
+    told = SimpleNamespace(stops={}, ends={}, truths={}, refused=[], is_cut=set())
+    cert, key = certificate
+    with LiveDriver(folder, name="far", guard=False) as live, contextlib.closing(Loop()) as loop:
         live.arm.wait_until_ready()
-        for name, link in LINKS.items():
-            over_a_link(bench, loop, told, name, link)
-        for name, (count, kind) in FLOODS.items():
-            with strangers(bench.panel.port, count, kind):
-                told.stops[name] = [stop(bench.page, bench.arm) for _ in range(STOPS)]
-            if bench.page.closed is not None:
-                told.is_cut.add(name)
-                bench.renew_page()
-        bench.page.close()
-        for name, delay in JOGGED.items():
-            stalled(bench, loop, told, name, delay)
-        jog_over_a_slow_link(bench, loop, told)
-        plant_defects(bench, loop, told)
-        freeze_the_driver(bench, told)
-        bench.close()
+        with contextlib.closing(JogBench(live, loop, "--port", str(free_port()), "--token-file",
+                                         str(folder / "token"))) as bench:
+            for name, link in LINKS.items():
+                told.stops[name], _ = stop_over_a_link(bench, loop, link, STOPS)
+            among_strangers(bench, told, FLOODS)
+            bench.page.close()
+            for name, delay in JOGGED.items():
+                told.ends[name] = stall_a_jog(bench, loop, delay)
+            jog_over_a_slow_link(bench, loop, told)
+            plant_defects(bench, loop, told)
+            freeze_the_driver(bench, told)
+            restart(bench, told, "driver", restart_the_driver)
+            restart(bench, told, "panel", restart_the_panel)
+        with contextlib.closing(JogBench(live, loop, "--tls-cert", cert, "--tls-key", key)) as bench:
+            among_strangers(bench, told, BY_TLS)
+            told.stops[LINK_BY_TLS], _ = stop_over_a_link(bench, loop, LINKS["300 ms"], STOPS)
         told.verdict = live.verdict()
         yield told
 
 
-def seen_over(bench, loop, link, control=False):
-    """Open a page over a link, and see the arm."""
-    page = Page(loop, bench.panel, port=link.port)
-    page.watch(bench.arm)
-    assert eventually(lambda: page.states.get(bench.arm, {}).get("fresh"))
-    if control:
-        assert eventually(page.take_control)
-    return page
+def among_strangers(bench, told, floods):
+    for name, (count, kind) in floods.items():
+        told.stops[name], is_cut = stop_among(bench, count, kind, STOPS)
+        if is_cut:
+            told.is_cut.add(name)
 
 
-def stop(page, arm):
-    """Stop; return when it was sent. The answer says that the driver has served it."""
-    since = time.monotonic()
-    assert page.ask("stop", arm=arm)["ok"]
-    return since
-
-
-def over_a_link(bench, loop, told, name, settings):
-    with SlowLink(loop, bench.panel.port, **settings) as link, contextlib.closing(seen_over(bench, loop, link)) as page:
-        told.connected.add(name)
-        told.stops[name] = [stop(page, bench.arm) for _ in range(STOPS)]
-
-
-def stalled(bench, loop, told, name, delay):
-    """Jog over a link, stall it, and let all that waited come in a burst."""
-    with SlowLink(loop, bench.panel.port, delay) as link, contextlib.closing(
-            seen_over(bench, loop, link, control=True)) as page:
-        sign = [1.0]
-
-        def moves():
-            page.release()
-            sign[0] = -sign[0]
-            page.press(bench.arm, [sign[0], 0.0, 0.0, 0.0, 0.0, 0.0])
-            return eventually(bench.live.simulator.is_moving, 1.0)
-        assert eventually(moves, WAIT), page.messages[-5:]
-        link.is_stalled = True
-        since = page.sent_at
-        assert bench.rests()
-        link.is_stalled = False
-        before = page.counts.get("pong", 0)
-        assert eventually(lambda: page.counts.get("pong", 0) > before + 1), "what waited has come"
-        assert not bench.live.simulator.is_moving(), "it resumes"
-        told.ends[name] = since, time.monotonic()
-        page.release()
+def restart(bench, told, name, work):
+    """Restart a part under a page; then stop, and jog."""
+    _, told.truths[name] = work(bench)
+    told.stops["%s restarted" % name] = [stop(bench.page, bench.arm)]
+    reasons = []
+    assert eventually(lambda: press_moves(bench, reasons)), reasons
 
 
 def plant_defects(bench, loop, told):
@@ -109,12 +95,18 @@ def plant_defects(bench, loop, told):
             seen_over(bench, loop, link)) as page:
         told.late = stop(page, bench.arm)
     bench.renew_page()
-    bench.begin()
-    since = time.monotonic()
-    assert eventually(lambda: time.monotonic() > since + REST_S + 0.2)
-    bench.page.release()
-    assert bench.rests()
-    told.long = since, time.monotonic()
+
+    def goes_on():
+        """Return whether a jog goes on for longer than the limit; a busy host ends one."""
+        bench.begin()
+        since = time.monotonic()
+        is_ended = eventually(lambda: any(one["state"] == "ended" for one in bench.page.jog_states(bench.page.held)),
+                              REST_S + 0.2)
+        bench.page.release()
+        assert bench.rests()
+        told.long = since, time.monotonic()
+        return not is_ended
+    assert eventually(goes_on)
 
 
 def jog_over_a_slow_link(bench, loop, told):
@@ -141,11 +133,11 @@ def freeze_the_driver(bench, told):
 
 
 def way_of(name):
-    link = LINKS.get(name, {})
+    link = LINKS.get(name.partition(", TLS")[0], {})
     return link.get("delay", 0.0) + (5 * LOST_S if "loss" in link else 0.0)
 
 
-@pytest.mark.parametrize("name", [*LINKS, *FLOODS])
+@pytest.mark.parametrize("name", [*LINKS, *FLOODS, *BY_TLS, LINK_BY_TLS, *RESTARTED])
 def test_a_stop_is_on_the_wire_as_soon_as_its_link_carries_it(told, name):
     for since in told.stops[name]:
         assert min(told.verdict.times_of(STOP, since)) - since <= way_of(name) + STOP_S
@@ -156,7 +148,7 @@ def test_the_measures_of_stop_and_rest_can_fail(told):
     assert last_frame_of_motion(told.verdict, *told.long) - told.long[0] > REST_S
 
 
-@pytest.mark.parametrize("name", FLOODS)
+@pytest.mark.parametrize("name", [*FLOODS, *BY_TLS])
 def test_no_stranger_pushes_off_the_page_that_has_control(told, name):
     assert name not in told.is_cut
 
@@ -177,35 +169,18 @@ def test_a_jog_over_a_link_that_is_too_slow_is_refused_with_the_reason(told):
     assert told.refused["state"] == "ended" and "too slow" in told.refused["why"] and not told.jogged
 
 
+@pytest.mark.parametrize("name", ["driver", "panel"])
+def test_a_page_knows_in_time_that_its_driver_or_its_panel_has_died(told, name):
+    assert told.truths[name] < TRUTH_S
+
+
 def test_a_page_stops_the_arm_without_a_master_and_moves_it_after_its_restart(ros_master, tmp_path, loop):
-    with Graph(tmp_path, is_mortal=True) as graph, contextlib.closing(
-            SimulatorProcess("--start", "enabled")) as simulator, contextlib.ExitStack() as stack:
-        stack.enter_context(DriverProcess("jaka_driver", graph.environment, **on(simulator, guard=False)))
-        with changed_environment(graph.environment):
-            panel = stack.enter_context(PanelProcess())
-        page = stack.enter_context(Page(loop, panel))
-        assert eventually(lambda: page.watch("/jaka_driver") or eventually(
-            lambda: page.states.get("/jaka_driver", {}).get("fresh"), 1.0))
-        assert page.take_control()
-
+    with Graph(tmp_path, is_mortal=True) as graph, changed_environment(graph.environment), \
+            LiveDriver(tmp_path, guard=False) as live, contextlib.closing(JogBench(live, loop)) as bench:
         reasons = []
-
-        def moves():
-            """Return whether a press moves the arm; "moving" is said of no press that does not."""
-            before = simulator.state()["joint_position"]
-            hold = page.press("/jaka_driver", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-            is_moving = eventually(simulator.is_moving, 1.0)
-            page.release()
-            assert eventually(lambda: page.jog_states(hold)), "nothing is said of the press"
-            is_said = any(one["state"] == "moving" for one in page.jog_states(hold))
-            assert not is_said or simulator.state()["joint_position"] != before
-            reasons.extend(one["why"] for one in page.jog_states(hold) if one["state"] == "ended" and one.get("why"))
-            return is_moving
-        assert eventually(moves)
-        graph.stop_master()
-        assert eventually(lambda: page.ask("stop", arm="/jaka_driver")["ok"]), "the panel knows where the driver is"
-        graph.start_master()
-        assert eventually(lambda: any(topic == "/jaka_driver/jog_joints" and "/panel" in nodes
-                                      for topic, nodes in graph.master().getSystemState()[0])), "it registers again"
+        assert eventually(lambda: press_moves(bench, reasons)), reasons
+        stopped_at = restart_the_master(bench, graph)
         reasons.clear()
-        assert eventually(moves), reasons
+        assert eventually(lambda: press_moves(bench, reasons)), reasons
+        bench.close()
+        assert live.verdict().times_of(STOP, stopped_at)

@@ -9,10 +9,11 @@ SETTLE_S = 0.5
 
 
 @contextlib.contextmanager
-def strangers(port, count, kind="ping"):
-    """Have so many strangers flood the panel with what ``kind`` says."""
-    process = subprocess.Popen([sys.executable, str(Path(__file__).with_name("strangers.py")), str(port), str(count),
-                                kind], stdout=subprocess.PIPE)
+def strangers(panel, count, kind="ping"):
+    """Have so many strangers flood a panel, by TLS where it speaks that, with what ``kind`` says."""
+    tls = ["tls"] if panel.scheme == "https" else []
+    process = subprocess.Popen([sys.executable, str(Path(__file__).with_name("strangers.py")), str(panel.port),
+                                str(count), kind, *tls], stdout=subprocess.PIPE)
     try:
         process.stdout.readline()
         time.sleep(SETTLE_S)

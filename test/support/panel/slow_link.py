@@ -20,11 +20,13 @@ class SlowLink:
     Attributes:
         port: Where a page connects to.
         is_stalled: Nothing passes now; what waits comes in a burst when it is False again.
+        passages: For each connection, in order, when each piece to the target came, and when it went on.
     """
 
     def __init__(self, loop, target, delay=0.0, loss=0.0):
         self._loop, self._target, self.delay, self._loss = loop, target, delay, loss
         self.is_stalled = False
+        self.passages = []
         self._chance = random.Random(1)
         self._tasks = set()
         self._server = loop.run(asyncio.start_server(self._serve, "127.0.0.1", 0))
@@ -35,27 +37,30 @@ class SlowLink:
         with contextlib.suppress(OSError, asyncio.CancelledError):
             far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._target)
             try:
-                await asyncio.gather(self._pump(reader, far_writer), self._pump(far_reader, writer))
+                self.passages.append([])
+                await asyncio.gather(self._pump(reader, far_writer, self.passages[-1]),
+                                     self._pump(far_reader, writer, []))
             finally:
                 writer.close()
                 far_writer.close()
 
-    async def _pump(self, reader, writer):
+    async def _pump(self, reader, writer, passages):
         pieces = asyncio.Queue()
-        sending = asyncio.ensure_future(self._send(pieces, writer))
+        sending = asyncio.ensure_future(self._send(pieces, writer, passages))
         try:
             while True:
                 data = await reader.read(1 << 16)
-                pieces.put_nowait((time.monotonic() + self.delay, data))
+                came = time.monotonic()
+                pieces.put_nowait((came, came + self.delay, data))
                 if not data:
                     break
             await sending
         finally:
             sending.cancel()
 
-    async def _send(self, pieces, writer):
+    async def _send(self, pieces, writer, passages):
         while True:
-            due, data = await pieces.get()
+            came, due, data = await pieces.get()
             await asyncio.sleep(due - time.monotonic())
             if self._chance.random() < self._loss:
                 await asyncio.sleep(LOST_S)
@@ -64,6 +69,7 @@ class SlowLink:
             if not data:
                 writer.close()
                 return
+            passages.append((came, time.monotonic()))
             writer.write(data)
             await writer.drain()
 
