@@ -135,6 +135,7 @@ class Matrix:
         try:
             self._bench.page.close()
             self._bench.renew_page()
+            assert eventually(lambda: self._bench.page.ask("stop", arm=self._bench.arm)["ok"]), "no stop is served"
             work(cell, *args)
         except (AssertionError, ConnectionError) as error:
             cell.error = str(error).split("\n")[0] or type(error).__name__

@@ -63,7 +63,7 @@ def discard(link):
     try:
         while link.recv(1 << 16):
             pass
-    except OSError:
+    except (OSError, ValueError):  # the other thread has closed it
         return
 
 
