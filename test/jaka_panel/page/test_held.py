@@ -129,7 +129,7 @@ def test_why_a_held_jog_stands_is_said_on_the_page_until_it_is_let_go(panel, ope
     held_by(page, lambda: page.press(JOG), lambda: page.mouse("Released", x, y))
     panel.say(t="motion", id="jog", state="stopped", reason=reason)
     page.until("document.querySelector('#panel-jog .said').textContent === %s" % json.dumps(
-        "The tool stands still: " + reason), timeout=5.0)
+        "The tool has stopped: " + reason), timeout=5.0)
     assert page.evaluate("document.querySelector('#panel-jog .said').classList.contains('bad')")
     page.mouse("Released", x, y)
     page.until("!document.querySelector('#panel-jog .said').textContent.includes(%s)" % json.dumps(reason), timeout=5.0)

@@ -123,7 +123,7 @@ def test_moving_is_what_the_arm_does(panel, open_page):
     page = open_page(control=True)
     deadline = time.monotonic() + 60.0
     said = "document.querySelector('#panel-jog .said').textContent"
-    for dq, text in (([0.0] * 6, "No motion is seen"), ([0.1] + [0.0] * 5, "Moving J1+")):
+    for dq, text in (([0.0] * 6, "no motion seen"), ([0.1] + [0.0] * 5, "Moving J1+")):
         panel.state["dq"] = dq
         seen = False
         while not seen:  # a busy host ends a jog

@@ -66,11 +66,11 @@ def test_a_plan_and_how_its_run_ended_are_of_the_arm_that_is_shown(panel, open_p
     panel.say(t="answer", id=asked["id"], ok=True, message="", data=PLAN)
     asked = plan_a_log(panel, page)
     assert asked["arm"] == OTHER and "Planned" not in page.evaluate(SAID), "the answer of before is of the other arm"
-    press(page, "Go to its start")
+    press(page, "Go to start")
     assert nothing_is_sent(panel, "joint_move")
     panel.say(t="answer", id=asked["id"], ok=True, message="", data=PLAN)
     page.until(SAID + ".includes('Planned')")
-    press(page, "Run it")
+    press(page, "Run")
     until(lambda: panel.sent("plan_run"), "it is run")
     assert panel.sent("plan_run")[0]["arm"] == OTHER
     switch_to(page, ARM)
@@ -93,7 +93,7 @@ def test_a_plan_of_before_a_new_connection_is_offered_no_more(panel, open_page):
     page.until(SAID + ".includes('Nothing is planned')")
     page.click("#control-button")
     page.until("document.body.dataset.may === 'control'")
-    press(page, "Run it")
+    press(page, "Run")
     page.until_text("#toasts", "Nothing is planned")
     assert not panel.sent("plan_run")
 
@@ -124,7 +124,7 @@ def test_a_line_that_was_shown_in_another_frame_is_not_gone(panel, open_page):
         show_a_line(page, str(400 + number))
         change()
         page.until("document.querySelector('#panel-move .go').dataset.ready === 'false'", what)
-        page.until_text("#panel-move .said", "Tool or user frame have changed")
+        page.until_text("#panel-move .said", "The tool or user frame has changed")
         page.click("#panel-move .go")
         page.until_text("#toasts", "no target yet")
         assert not panel.sent("linear_move"), what
@@ -217,7 +217,7 @@ def test_settings_of_one_arm_are_not_written_to_another(panel, open_page):
     page.until(pressed + " === ''", "what the other one holds is not known")
     collision = "#panel-setup .card:has(.choice) "
     page.click(collision + "button.needs-control")
-    page.until_text(collision + ".said", "Nothing is changed")
+    page.until_text(collision + ".said", "No changes.")
     page.click(collision + "[data-name=level2]")
     switch_to(page, ARM)
     page.until(pressed + " === ''", "nor is what was to be written to the other one")

@@ -3,6 +3,7 @@ import { test } from 'node:test';
 import { layoutOf } from '../../../../tools/jaka_panel/web/js/cell/names.js';
 import { moved, wordsOf } from '../../../../tools/jaka_panel/web/js/cell/lists.js';
 import { Cell, partsOf, withChanges } from '../../../../tools/jaka_panel/web/js/cell/cell.js';
+import { translate } from '../../../../tools/jaka_panel/web/js/ui/i18n.js';
 
 const change = (/** @type {string} */ name, /** @type {any} */ entry = { label: name }) => ({ section: 'io', arm: '/a', name, entry });
 
@@ -63,8 +64,9 @@ test('a file is sent in parts that are its text again, and cuts no character', a
 });
 
 test('steps are told in words and moved one place', () => {
-  assert.deepEqual(wordsOf({ kind: 'line', point: 'P1', speed: 0.05, blend: 0.01 }), ['list.step.line', { point: 'P1, ⌒ 10 mm', speed: '50 mm/s' }]);
-  assert.deepEqual(wordsOf({ kind: 'output', signal: 'digital', bank: 'tool', index: 1, value: false }), ['list.step.output', { where: 'tool DO 1', value: 0 }]);
+  assert.deepEqual(wordsOf({ kind: 'line', point: 'P1', speed: 0.05, blend: 0.01 }, translate), ['list.step.line', { point: 'P1, ⌒ 10 mm', speed: '50 mm/s' }]);
+  assert.deepEqual(wordsOf({ kind: 'output', signal: 'digital', bank: 'tool', index: 1, value: false }, translate),
+    ['list.step.output', { where: 'Tool I/O DO 1', value: 'off' }]);
   const [a, b, c] = ['a', 'b', 'c'].map((kind) => ({ kind }));
   assert.deepEqual([moved([a, b, c], 0, 1), moved([a, b, c], 2, -1), moved([a, b, c], 2, 1)], [[b, a, c], [a, c, b], [a, b, c]]);
 });

@@ -112,7 +112,7 @@ function removeButton(app, section, name) {
 function makePayloads(app) {
   const list = h('ul', { class: 'points' });
   const name = /** @type {HTMLInputElement} */ (h('input', { type: 'text', id: 'payload-name', maxlength: LONGEST, autocomplete: 'off' }));
-  const tool = numberField({ label: 'setup.number', unit: '1–11', decimals: 0, value: 1, low: 1, high: 11 });
+  const tool = numberField({ label: 'tool.title', unit: '1–11', decimals: 0, value: 1, low: 1, high: 11 });
   const mass = numberField({ label: 'setup.mass', unit: 'kg', low: 0, high: 100 });
   const centre = ['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: MM, low: -1000, high: 1000 }));
   const keep = h('button', { type: 'button', t: 'teach.keep', on: { click: () => void store() } });

@@ -4,6 +4,7 @@ import { DEGREES, fixed } from '../ui/format.js';
 import { actionButton, numberField, readAll } from '../ui/field.js';
 import { makeChoice } from '../ui/choice.js';
 import { toast } from '../ui/toast.js';
+import { terminalWords } from '../do/io_names.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -19,9 +20,10 @@ const MM = 1000;
  * Key and values of the text for a step.
  *
  * @param {Step} step
+ * @param {(key: string) => string} say
  * @returns {[string, Record<string, string|number>]}
  */
-export function wordsOf(step) {
+export function wordsOf(step, say) {
   const blend = step.blend ? `, ⌒ ${fixed(step.blend * MM, 0)} mm` : '';
   const point = `${step.point ?? ''}${blend}`;
   switch (step.kind) {
@@ -29,8 +31,8 @@ export function wordsOf(step) {
     case 'line': return ['list.step.line', { point, speed: `${fixed(step.speed * MM, 0)} mm/s` }];
     case 'arc': return ['list.step.arc', { point, via: step.via, speed: `${fixed(step.speed * MM, 0)} mm/s` }];
     case 'wait': return ['list.step.wait', { s: fixed(step.s, 1) }];
-    default: return ['list.step.output', { where: `${step.bank} ${step.signal === 'digital' ? 'DO' : 'AO'} ${step.index}`,
-      value: step.value === true ? 1 : (step.value === false ? 0 : step.value) }];
+    default: return ['list.step.output', { where: terminalWords(say, step.bank, step.signal === 'digital' ? 'do' : 'ao', step.index),
+      value: typeof step.value === 'boolean' ? say(`list.value.${step.value ? 'on' : 'off'}`) : step.value }];
   }
 }
 
@@ -124,7 +126,7 @@ export function makeListRun(app, runner) {
   function draw() {
     list.replaceChildren(...steps.map((step, n) => {
       const words = h('span', { class: 'point-name' });
-      setText(words, ...wordsOf(step));
+      setText(words, ...wordsOf(step, app.say));
       /** @type {(label: string, sign: string, act: () => void) => HTMLElement} */
       const button = (label, sign, act) => h('button', { type: 'button', class: 'plain', tLabel: label, on: { click: act } }, sign);
       return h('li', {}, h('span', {}, `${n + 1}`), words, h('span', { class: 'second' }), h('span', { class: 'buttons' },
@@ -184,6 +186,7 @@ export function makeListRun(app, runner) {
       blend.element, seconds.element, bankPart, add),
     h('div', { class: 'buttons' }, h('label', { for: name.id, t: 'points.name' }), name, keep, planButton));
   store.on('cell-data', fill);
+  store.on('chosen-language', draw);
   store.on('chosen', () => {
     fill();
     steps = [];

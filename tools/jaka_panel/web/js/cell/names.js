@@ -3,6 +3,7 @@ import { h, setText } from '../ui/dom.js';
 import { numberField, readAll } from '../ui/field.js';
 import { keep as keepIn } from '../ui/keep.js';
 import { toast } from '../ui/toast.js';
+import { terminalWords } from '../do/io_names.js';
 import { twiceButton } from './twice.js';
 
 /** @typedef {import('../app.js').App} App */
@@ -32,7 +33,7 @@ export function makeNames(app) {
   const { store, cell } = app;
   const list = h('ul', { class: 'points' });
   const bank = /** @type {HTMLSelectElement} */ (h('select', { id: 'name-bank' }));
-  const kind = /** @type {HTMLSelectElement} */ (h('select', { id: 'name-kind' }, ...KINDS.map((one) => h('option', { value: one }, one.toUpperCase()))));
+  const kind = /** @type {HTMLSelectElement} */ (h('select', { id: 'name-kind', tLabel: 'cell.terminal_kind' }, ...KINDS.map((one) => h('option', { value: one }, one.toUpperCase()))));
   const index = numberField({ label: 'list.index', unit: '', decimals: 0, value: 0, low: 0, high: 9999 });
   const label = /** @type {HTMLInputElement} */ (h('input', { type: 'text', id: 'name-label', maxlength: LONGEST, autocomplete: 'off' }));
   const keep = h('button', { type: 'button', t: 'teach.keep', on: { click: () => void storeName() } });
@@ -55,7 +56,7 @@ export function makeNames(app) {
   function draw() {
     const arm = store.chosen;
     list.replaceChildren(...cell.entries('io', arm).map(([name, entry]) => h('li', {}, h('span', { class: 'point-name' }, entry.label),
-      h('span', { class: 'second' }, name.replaceAll('.', ' ')),
+      h('span', { class: 'second' }, terminalWords(app.say, .../** @type {[string, string, string]} */ (name.split('.')))),
       twiceButton('points.remove', 'cell.remove_sure', async () => {
         const answer = await cell.change([{ section: 'io', arm, name, entry: null }]);
         if (!answer.ok) say(answer, 'points.remove');
@@ -70,7 +71,7 @@ export function makeNames(app) {
     banks = there.join();
     bank.replaceChildren(...there.map((one) => h('option', { value: one, t: `io.bank.${one}` })));
   });
-  store.on('cell-data chosen', draw);
+  store.on('cell-data chosen chosen-language', draw);
   return h('section', { class: 'card', id: 'cell-names' }, h('h3', { t: 'cell.names' }), list,
     h('div', { class: 'buttons' }, h('label', { for: bank.id, t: 'cell.terminal' }), bank, kind, index.element,
       h('label', { for: label.id, t: 'points.name' }), label, keep));

@@ -96,6 +96,7 @@ export function changesInWords(fields, values, held, say) {
  * @param {App} options.app
  * @param {HeldSettings} options.held
  * @param {string} options.title Key.
+ * @param {string} [options.label] Key, of the number.
  * @param {NumberField[]} options.fields
  * @param {number} options.low Lowest number of a tool or user frame.
  * @param {number} options.high
@@ -104,8 +105,8 @@ export function changesInWords(fields, values, held, say) {
  * @param {(number: number, values: number[]) => Promise<import('../link/messages.js').Answer>} options.write
  * @param {(now: number[]|null, wanted: number[]) => string|null} [options.warning] Key.
  */
-export function makeSetting({ app, held, title, fields, low, high, active, read, write, warning = () => null }) {
-  const number = numberField({ label: 'setup.number', unit: `${low}–${high}`, decimals: 0, low, high, onChange: () => {
+export function makeSetting({ app, held, title, label = 'setup.number', fields, low, high, active, read, write, warning = () => null }) {
+  const number = numberField({ label, unit: `${low}–${high}`, decimals: 0, low, high, onChange: () => {
     isNumberTouched = true;
     fill(true);
   } });

@@ -61,7 +61,7 @@ function makePayload(app, held) {
   const mass = numberField({ label: 'setup.mass', unit: 'kg', low: 0, high: 100 });
   const centre = ['X', 'Y', 'Z'].map((label) => numberField({ label, unit: 'mm', scale: 1000 }));
   return makeSetting({
-    app, held, title: 'setup.payload', fields: [mass, ...centre], low: 0, high: 11, active: 'tool',
+    app, held, title: 'setup.payload', label: 'tool.title', fields: [mass, ...centre], low: 0, high: 11, active: 'tool',
     read: (settings, number) => (settings.payload && settings.tool === number ? [settings.payload.mass, ...settings.payload.centre] : null),
     write: (number, values) => app.command('payload', { tool: number, mass: values[0], centre: values.slice(1) }),
     warning: (now, wanted) => (now && wanted[0] < now[0] ? 'setup.lighter' : null),
