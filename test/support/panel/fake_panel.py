@@ -69,6 +69,7 @@ class FakePanel:
         refusing: No page gets a connection, as from a server that is not there.
         answers: By command: a function that makes an answer of the arguments, None for one that comes later; other
             commands are answered with success.
+        history: A function that makes the samples of a request for the history; there are none at first.
     """
 
     def __init__(self) -> None:
@@ -92,6 +93,8 @@ class FakePanel:
             "teach_user_frame": lambda arguments: {"data": dict(pose, residual=None, turn=0.005)},
             "cell_export": lambda arguments: {"data": {"text": "{}"}},
             "cell_versions": lambda arguments: {"data": {"versions": [{"revision": 1, "saved": "", "by": ""}]}}}
+        self.history: Callable[[Dict[str, Any]], Dict[str, Any]] = lambda asked: {
+            "s": [], "last": [], "min": [[]] * 6, "max": [[]] * 6}
         self.number = 0
         self._pages: Dict[str, web.WebSocketResponse] = {}
         self._holder: Optional[str] = None
@@ -220,8 +223,7 @@ class FakePanel:
             if answer is not None:
                 await self._send(socket, dict(done, **answer))
         elif kind == "history":
-            await self._send(socket, {"t": "history", "id": said["id"], "ok": True, "what": said["what"], "s": [],
-                                      "last": [], "min": [[]] * 6, "max": [[]] * 6})
+            await self._send(socket, dict(self.history(said), t="history", id=said["id"], ok=True, what=said["what"]))
 
     def _control(self, page: str) -> Dict[str, Any]:
         def named(one: str) -> Dict[str, str]:

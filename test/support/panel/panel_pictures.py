@@ -1,6 +1,7 @@
-"""Pictures of the panel's page for desk, tablet and wall, in both languages: a real browser, and a server of the tests.
+"""Pictures of the panel's page at five sizes, in both languages and both colours, by a browser and a tests' server.
 
-An executable; the arguments are the folder (docs/pictures) and names of pictures. Look at them before they are kept.
+An executable; the arguments are the folder (build/pictures) and names of pictures (all). Look at them, then keep in
+docs/pictures those that its pages show.
 """
 import sys
 import time
@@ -13,41 +14,19 @@ sys.path[:0] = [str(ROOT / folder) for folder in (
 import browser as browser_module  # noqa: E402
 from browser import Browser  # noqa: E402
 from fake_panel import FakePanel  # noqa: E402
+from panel_contents import fill  # noqa: E402
 
-from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
-from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
-from jaka_ros_driver.kinematics.rotations import rotation_vector_from_matrix  # noqa: E402
-
-SIZES = {  # name: width, height, language, dark, view
-    "panel_desk_en": (1440, 900, "en-GB", False, "desk"), "panel_tablet_zh": (1024, 768, "zh-CN", False, "tablet"),
-    "panel_wall_en": (1920, 1080, "en-GB", True, "wall"), "panel_tablet_en": (1024, 768, "en-GB", True, "tablet"),
-    "panel_desk_zh": (1440, 900, "zh-CN", True, "desk"), "panel_wall_zh": (1920, 1080, "zh-CN", False, "wall"),
-}
+SIZES = {"desk_1024": (1024, 768), "desk_1440": (1440, 900), "desk_1920": (1920, 1080), "tablet": (1024, 768),
+         "wall": (1920, 1080)}
+"""Width and height, px, by view and width."""
+LANGUAGES = {"en": "en-GB", "zh": "zh-CN"}
+NAMES = ["panel_%s_%s_%s" % (size, language, colours) for size in SIZES for language in LANGUAGES
+         for colours in ("light", "dark")]
 QUALITY = 72
-JOINTS = [-0.5, 1.25, -1.6, 1.9, 1.5, 0.4]
-
-
-def scene(panel):
-    """Set an arm somewhere, with a history of states and calls."""
-    flange = forward(load_model("zu7"), JOINTS)
-    panel.state["q"] = JOINTS
-    panel.state["tool"].update(p=list(flange[9:]), r=list(rotation_vector_from_matrix(flange[:9])))
-    now = time.time()
-    panel.first = [
-        {"t": "alarms", "alarms": [
-            {"n": 1, "wall": now - 95, "until": now - 60, "level": "error", "code": "0x10F0005",
-             "text": "joint 3: collision detected", "source": "controller"},
-            {"n": 2, "wall": now - 60, "until": None, "level": "info", "code": None, "text": "recovered",
-             "source": "driver"},
-            {"n": 3, "wall": now - 20, "until": None, "level": "info", "code": None,
-             "text": "Chrome, 1920×1080 has control", "source": "panel"}]},
-        {"t": "calls", "calls": [
-            {"n": 1, "wall": now - 61, "service": "/jaka_driver/recover", "name": "recover", "type": "std_srvs/Trigger",
-             "caller": "/jaka_panel", "request": "", "answer": "success: True", "took": 2.1, "ok": True, "error": ""}]},
-    ]
 
 
 def aim(page):
+    """Have the page show a target that the arm could go to."""
     page.click("#tab-move")
     page.until("document.querySelector('#panel-move input').value !== ''")
     page.type("#panel-move input", "15")
@@ -55,21 +34,26 @@ def aim(page):
     page.evaluate("scrollTo(0, 0); document.activeElement.blur(); true")
 
 
-def take(browser, panel, path, width, height, language, dark, view):
-    page = browser.open(panel.url.replace("/#", "/?view=%s#" % view), width=width, height=height, language=language,
-                        dark=dark)
+def take(browser, panel, folder, name):
+    size, language, colours = name[len("panel_"):].rsplit("_", 2)
+    view = size.partition("_")[0]
+    width, height = SIZES[size]
+    page = browser.open(panel.url.replace("/#", "/?view=%s#" % view), width=width, height=height,
+                        language=LANGUAGES[language], dark=colours == "dark")
     page.until("!document.body.classList.contains('stale')")
     page.click("#control-button")
     page.until("document.body.dataset.may === 'control'")
     if view != "wall":
         aim(page)
+    if page.evaluate("!document.querySelector('#drawer-body').hidden"):
+        page.click("[data-span='120']")
     page.evaluate("document.querySelector('#toasts').replaceChildren()")
     time.sleep(3.0)
-    page.picture(path, quality=QUALITY)
-    page.picture(path.with_suffix(".png"))
+    page.picture(folder / (name + ".webp"), quality=QUALITY)
+    page.picture(folder / (name + ".png"))
     assert not page.complaints, page.complaints
     page.close()
-    print(path, flush=True)
+    print(folder / name, flush=True)
 
 
 def main(folder, names):
@@ -77,9 +61,9 @@ def main(folder, names):
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         with FakePanel() as panel, Browser(webgl=True) as browser:
-            scene(panel)
-            take(browser, panel, folder / (name + ".webp"), *SIZES[name])
+            fill(panel)
+            take(browser, panel, folder, name)
 
 
 if __name__ == "__main__":
-    main(Path((sys.argv[1:] + [str(ROOT / "docs" / "pictures")])[0]), sys.argv[2:] or list(SIZES))
+    main(Path((sys.argv[1:] + [str(ROOT / "build" / "pictures")])[0]), sys.argv[2:] or NAMES)
