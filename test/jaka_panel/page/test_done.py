@@ -4,6 +4,7 @@ import time
 
 import pytest
 from fake_panel import ARM
+from page_walk import TABS
 from waiting import eventually, wait_until
 
 JOG = ".jog-button[data-axis='0'][data-sign='1']"
@@ -202,7 +203,7 @@ def test_a_page_without_the_token_only_watches_and_says_why(panel, open_page):
     panel.may, panel.why = "watch", "no token"
     page = open_page()
     page.until_text("#control-said", "open the link with the token")
-    page.until_text("#stop-said", "without the token: stops nothing")
+    page.until_text("#stop-said", "no token: cannot stop the arm")
     assert page.evaluate("document.querySelector('#stop').ariaDisabled") == "true"
     page.click("#stop")
     page.until_text("#stop-said", "This page cannot stop the arm: use the emergency stop button")
@@ -273,6 +274,13 @@ def test_stored_points_are_kept_shown_and_run_through(panel, open_page):
     page.click("#tab-move")
     page.click("#point-name")
     page.call("Input.insertText", text="pick & place")
+    panel.state["dq"] = [0.1] + [0.0] * 5
+    page.until_text("#line-said", "Moving")
+    page.click("#panel-move .card .buttons button")
+    page.until_text("#toasts", "wait until it rests")
+    panel.state["dq"] = [0.0] * 6
+    page.until_text("#line-said", "Can move")
+    assert not panel.sent("cell_change"), "where a point is, the arm has rested"
     page.click("#panel-move .card .buttons button")
     page.until_text("#panel-move .points", "pick & place")
     page.click("#tab-run")
@@ -344,13 +352,13 @@ def test_a_setting_is_read_asked_for_written_and_read_back(panel, open_page):
     assert page.evaluate("document.querySelector('#panel-setup .card .field:nth-child(4) input').value") == "120.00"
     number = card + ".field:nth-child(1) input"
     page.type(number, "2")
-    page.until_text(card + ".said", "does not tell what it holds")
+    page.until_text(card + ".said", "does not report this")
     values = "[...document.querySelectorAll(%s)].map((one) => one.value)" % json.dumps(card + "input")
     assert page.evaluate(values) == ["2", "", "", "", ""], "what is held belongs to the active tool"
     page.type(number, "1")
     page.until(values + ".join() === '1,1.50,0.00,-20.00,41.23'")
     page.click(card + "> .buttons button")
-    page.until_text(card + ".said", "Nothing is changed")
+    page.until_text(card + ".said", "No changes.")
     page.type(mass, "1.2")
     page.until_text(card + ".field:nth-child(2) .note", "now 1.50")
     page.click(card + "> .buttons button")
@@ -364,7 +372,7 @@ def test_a_setting_is_read_asked_for_written_and_read_back(panel, open_page):
     held["payload"]["centre"] = [0.0, 0.0, 0.0]  # by a pendant
     page.type(mass, "0")
     page.click(card + "> .buttons button")
-    page.until_text(card + ".said", "other values than were shown")
+    page.until_text(card + ".said", "have changed since they were shown")
     assert len(panel.sent("payload")) == 1
     assert page.evaluate("document.querySelector(%s).value" % json.dumps(z)) == "0.00"
 
@@ -374,8 +382,8 @@ def test_every_button_answers(panel, open_page):
     page = open_page(control=True, height=1400)
     dead = []
     clicked = 0
-    for tab in ("jog", "move", "run", "io", "setup", "teach", "cell", "simulator"):
-        page.click("#tab-" + tab)
+    for tab in page.evaluate(TABS):
+        page.evaluate("document.getElementById(%s).click()" % json.dumps(tab))
         count = page.evaluate("document.querySelectorAll('main button, .switches button').length")
         for number in range(count):
             name = page.evaluate("""(() => {

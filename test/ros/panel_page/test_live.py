@@ -1,4 +1,6 @@
 """The page on a running driver: a first run by clicks only, and every way of release, in the controller's log."""
+import json
+import math
 import re
 import sys
 import time
@@ -11,6 +13,7 @@ from browser import CHROMIUM, Browser
 from import_graph import ROOT
 from panel_operator import WAYS, Operator, times_to_rest
 from ros_graph import Graph
+from waiting import eventually
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headless-shell")
 LONGEST_S = 1.0
@@ -25,6 +28,7 @@ LAUNCH = "import sys, roslaunch; sys.argv[0] = 'roslaunch'; roslaunch.main()"
 FIRST_JOINT = "parseFloat(document.querySelector('#joints td.number').textContent)"
 JOG = '.jog-button[data-axis="0"][data-sign="1"]'
 IS_ENABLED = "document.querySelector('[data-state=enabled] dd').textContent === 'yes'"
+PUSHED_S = 12.0
 HAS_CONTROL = "document.body.dataset.may === 'control'"
 
 
@@ -39,6 +43,48 @@ def rests(ros_node, tmp_path_factory):
 @pytest.mark.parametrize("way", SUITE)
 def test_every_way_of_letting_go_of_a_button_stops_the_arm(rests, way):
     assert max(rests[way]) < LONGEST_S, "below zero: a busy host had ended the jog before"
+
+
+def test_a_point_is_stored_where_an_arm_that_was_guided_by_hand_rests_and_not_on_the_way(ros_node, tmp_path):
+    cell = tmp_path / "cell" / "cell.json"
+    with Operator(tmp_path, panel=("--cell-data", str(cell)), guard=False) as operator:
+        simulator = operator.live.simulator
+
+        def joints():
+            return [math.radians(value) for value in simulator.state()["joint_position"]]
+        page, before = operator.open(), joints()
+        page.click("#tab-teach")
+        page.click("#panel-teach .card .needs-control")
+        page.until_text("[data-state=guiding]", "on")
+        page.until_text("#line-said", "Moves by hand only")
+        assert simulator.operate("push", joint=1, velocity=3.0, duration=PUSHED_S)["pushed"]
+        page.until("Math.abs(%s - %r) > 1" % (FIRST_JOINT, math.degrees(before[0])))
+        page.click("#teach-frame [data-point=origin]")
+        page.until_text("#toasts", "a point is taken where it rests")
+        page.click("#tab-move")
+        page.click("[data-t='points.save']")
+        page.until_text("#toasts", "wait until it rests")
+        assert simulator.is_moving(), "a busy host: the push is over"
+        assert eventually(lambda: not simulator.is_moving(), 2 * PUSHED_S)
+        assert eventually(lambda: is_stored(page)), "a busy host shows the rest late"
+        (stored,) = json.loads(cell.read_text())["data"]["points"][operator.live.arm.name].values()
+        assert stored["q"] == pytest.approx(joints(), abs=1e-3) and stored["q"][0] > before[0] + 0.1
+        page.click("#tab-teach")
+        page.click("#teach-frame [data-point=origin]")
+        page.until_text("#teach-frame .points", " mm")
+        taken = re.match(r"(\S+) / (\S+) / (\S+) mm", page.text("#teach-frame .points .second"))
+        assert [float(value) for value in taken.groups()] == pytest.approx(simulator.state()["tcp_pose"][:3], abs=0.3)
+        page.click("#panel-teach .card .needs-control")
+        page.until_text("[data-state=guiding]", "off")
+
+
+def is_stored(page):
+    """Press the button that stores a point; return whether one is stored."""
+    page.evaluate("document.querySelector('#toasts').replaceChildren()")
+    page.click("[data-t='points.save']")
+    there = "document.querySelector('#panel-move .points').textContent.includes('P1')"
+    page.until(there + " || document.querySelector('#toasts').textContent !== ''")
+    return page.evaluate(there)
 
 
 @pytest.fixture

@@ -245,6 +245,10 @@ function makePointList(app, show) {
       toast('points.no_state', 'bad');
       return;
     }
+    if (store.moves()) {
+      toast('why.moving', 'bad', 'points.save');
+      return;
+    }
     points.add(store.chosen, name.value, q);
     name.value = '';
     store.tell('points');
