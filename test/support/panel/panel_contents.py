@@ -93,9 +93,8 @@ def _cell(now):
 
 def _history(asked, begun):
     """Return the history of the motion; ``begun``: its begin, s, by the server's clock."""
-    now = time.monotonic()
-    times = [now + asked["from"] + n * (asked["to"] - asked["from"]) / asked["buckets"]
-             for n in range(int(asked["buckets"]))]
+    now, step = time.monotonic(), (asked["to"] - asked["from"]) / asked["buckets"]
+    times = [now + asked["from"] + n * step for n in range(int(asked["buckets"]))]
     whole = MOTION_AGO_S[0] - MOTION_AGO_S[1]
     shares = [min(max((at - begun) / whole, 0.0), 1.0) for at in times]
     smooth = [0.5 - 0.5 * math.cos(math.pi * share) for share in shares]
@@ -103,4 +102,4 @@ def _history(asked, begun):
     scale = {"q": (1.0, smooth), "dq": (1.0, speeds), "e": (0.004, speeds)}[asked["what"]]
     rows = [[(start if asked["what"] == "q" else 0.0) + scale[0] * (end - start) * value for value in scale[1]]
             for start, end in zip(BEFORE, JOINTS)]
-    return {"s": times, "last": times, "min": rows, "max": rows}
+    return {"s": times, "last": [at + step for at in times], "min": rows, "max": rows}

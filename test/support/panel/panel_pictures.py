@@ -57,7 +57,7 @@ def take(browser, panel, folder, name):
 
 
 def main(folder, names):
-    browser_module.PATIENCE_S = 120.0  # 3D is drawn by the processor here
+    browser_module.PATIENCE_S = 600.0  # 3D is drawn by the processor here
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         with FakePanel() as panel, Browser(webgl=True) as browser:

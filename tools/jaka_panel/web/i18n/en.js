@@ -71,7 +71,7 @@ export const en = {
   'line.can.moving': 'Moving:',
   'line.can.rest': 'At rest:',
   'line.can.still': 'Will not move:',
-  'line.can.can': 'Can move',
+  'line.can.can': 'Can move.',
   'line.why.connecting': 'the page is connecting to the panel’s server.',
   'line.why.cut': 'the panel’s server does not answer.',
   'line.why.no_arm': 'no driver has been found.',

@@ -71,7 +71,7 @@ export const zh = {
   'line.can.moving': '正在运动：',
   'line.can.rest': '静止：',
   'line.can.still': '不会运动：',
-  'line.can.can': '可以运动',
+  'line.can.can': '可以运动。',
   'line.why.connecting': '页面正在连接面板服务器。',
   'line.why.cut': '面板服务器没有响应。',
   'line.why.no_arm': '未找到驱动程序。',
@@ -207,7 +207,7 @@ export const zh = {
   'wall.alarm': '最近报警',
 
   'tool.title': '工具',
-  'tool.frame': '坐标系 {frame} · 工具 {tool} · 用户坐标系 {user}',
+  'tool.frame': '{frame} · 工具 {tool} · 用户坐标系 {user}',
   'tool.rpy': '°（rpy）',
   'tool.vector': 'rad（旋转向量）',
   'joints.title': '关节',

@@ -51,8 +51,8 @@ export function mountMove(root, app) {
   const joints = [0, 1, 2, 3, 4, 5].map((n) => numberField({ label: `J${n + 1}`, unit: '°', scale: DEGREES, decimals: 2,
     onChange: typed }));
   const pose = poseFields(typed);
-  const jointPart = h('div', { class: 'fields' }, ...joints.map((field) => field.element));
-  const posePart = h('div', { class: 'fields', hidden: true }, ...pose.map((field) => field.element));
+  const jointPart = h('div', { class: 'fields six' }, ...joints.map((field) => field.element));
+  const posePart = h('div', { class: 'fields six', hidden: true }, ...pose.map((field) => field.element));
   const frame = h('p', { class: 'hint', hidden: true, t: 'move.frame' });
   const kind = makeChoice('move.kind', ['joint', 'line'], 'move.kind', () => {
     const isLine = kind.chosen() === 'line';
