@@ -45,7 +45,7 @@ def take(browser, panel, folder, name):
     page.until("document.body.dataset.may === 'control'")
     if view != "wall":
         aim(page)
-    if page.evaluate("!document.querySelector('#drawer-body').hidden"):
+    if page.evaluate("document.querySelector('.plot-bar').checkVisibility()"):
         page.click("[data-span='120']")
     page.evaluate("document.querySelector('#toasts').replaceChildren()")
     time.sleep(3.0)
