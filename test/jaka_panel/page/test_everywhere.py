@@ -30,7 +30,7 @@ def open_filled(panel, open_page, view, **options):
 
 
 def ask_and_teach(page):
-    """Teach a frame and a tool, and have the page ask before it writes a payload."""
+    """Take the poses of a frame and a tool, and have the page ask before it writes a payload."""
     page.evaluate("document.querySelectorAll('#teach-frame [data-point]').forEach((one) => one.click())")
     for _ in range(4):
         page.evaluate("document.querySelector('#teach-tool [data-t=\"teach.take\"]').click()")
@@ -84,7 +84,7 @@ def test_a_screen_reader_finds_names_and_eyes_find_contrast_everywhere(panel, op
     tabs = set()
 
     def once_a_tab(page, place):
-        """Look at the whole page at first, then at the part of each tab; with the drawer open there is no other text."""
+        """Look at the whole page at first, then at the part of each tab."""
         if place.tab in tabs:
             return []
         tabs.add(place.tab)

@@ -69,7 +69,8 @@ _OLD_IS_NOT_GREY = """[...document.styleSheets].forEach((sheet) => [...sheet.css
 })); true"""
 """While axe looks, which takes a second, the page shows the past, and dims it on purpose."""
 _SERIOUS = """(async (tab) => {
-    const { violations } = await axe.run(document.getElementById(tab)?.closest('.part') ?? document, { resultTypes: ['violations'] });
+    const part = document.getElementById(tab)?.closest('.part') ?? document;
+    const { violations } = await axe.run(part, { resultTypes: ['violations'] });
     return violations.filter(({ impact }) => ['serious', 'critical'].includes(impact)).map(({ id, nodes }) => (
         `${id}: ${nodes.map(({ html }) => html.slice(0, 200)).slice(0, 3).join(' ')}`));
 })(%s)"""
