@@ -149,6 +149,7 @@ def store_points(hand):
     hand.tab("move")
     for number, joints in enumerate(CORNERS[:2], 1):
         hand.operator.go(joints)
+        hand.page.until_text("#line-said", "Can move")  # a point is stored of an arm at rest
         hand.click("[data-t='points.save']")
         hand.waits_for_kept("points", number)
 

@@ -164,6 +164,7 @@ def come_back(page):
 def store_a_point_take_a_pose_and_run_a_list(page):
     page.click("#point-name")
     page.call("Input.insertText", text="here")
+    page.until_text("#line-said", "Can move")
     page.click("#panel-move .card .buttons button")
     page.until_text("#panel-move .points", "here")
     page.click("#tab-teach")
