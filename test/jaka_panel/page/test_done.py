@@ -6,7 +6,6 @@ import pytest
 from fake_panel import ARM
 from page_walk import TABS
 from waiting import eventually, wait_until
-from waiting import eventually
 
 JOG = ".jog-button[data-axis='0'][data-sign='1']"
 READY = "document.querySelector('#panel-move .go').dataset.ready === 'true'"
@@ -283,11 +282,11 @@ def test_stored_points_are_kept_shown_and_run_through(panel, open_page):
         return eventually(lambda: part in page.text("#toasts") + page.text("#panel-move .points"), 3.0)
     panel.state["dq"] = [0.1] + [0.0] * 5
     page.until_text("#line-said", "Moving")
-    until(lambda: says("wait until it rests"), "it is not stored")
+    wait_until(lambda: says("wait until it rests"), "it is not stored")
     panel.state["dq"] = [0.0] * 6
     page.until_text("#line-said", "Can move")
     assert not panel.sent("cell_change"), "where a point is, the arm has rested"
-    until(lambda: says("pick & place"), "it is stored")
+    wait_until(lambda: says("pick & place"), "it is stored")
     page.click("#tab-run")
     page.click("#panel-run .card:first-child > .buttons button")
     page.until_text("#panel-run .way", "pick & place")
