@@ -7,6 +7,8 @@ look                the stage that sends nothing: the status feed
 ask                 the stage that reads values on the command port; ``QUESTIONS`` and ``ask.ODD`` are all that it sends
 set_same            the stage that sets values to what they are; ``SETTINGS`` and ``READ_BACK`` are all that it sends
 move                the stage that moves one joint a little; ``MOVES`` is all that it sends, besides what stops the arm
+moving              what its steps have in common
+servo_steps, pendant_steps   its steps that stream, and those for which a person does something at the pendant
 motion              the arm while it moves: its room, custody, the guard process
 fit, twin           how the arm accelerates, and how far the simulated one that is made of the report is from it
 person              questions to whoever is at the terminal

@@ -18,8 +18,10 @@ from jaka_ros_driver.probe.fit import SampledCurve
 from jaka_ros_driver.probe.identity import identity_in
 from jaka_ros_driver.probe.look import HeardFeed, listen, look
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover
-from jaka_ros_driver.probe.move import ASKED, AXIS, MOVES, move, why_not
+from jaka_ros_driver.probe.move import ASKED, MOVES, move, why_not
+from jaka_ros_driver.probe.moving import AXIS
 from jaka_ros_driver.probe.page import page
+from jaka_ros_driver.probe.pendant_steps import PROGRAM_MOVES
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.probe.set_same import (
@@ -46,6 +48,7 @@ _SETTLE_S = 1.2 * FRESH_S
 _GLANCE_S = 0.01
 """Time, s, of a look at frames while a person is asked: longer than one cycle (8 ms)."""
 _HIGHEST_OUTPUT = 15
+_LONGEST_NAME = 200
 REPORT, TEXT, PAGE, DIALECT, WIRE = "probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"
 _FILES = (REPORT, TEXT, PAGE, DIALECT, WIRE)
 _EPILOG = """\
@@ -87,6 +90,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--output", type=_output, metavar="N",
                       help="index, in commands, of a digital output of the cabinet that the stage set switches for 1 "
                       "s: by one count it is output N, by the other N + 1; nothing may happen by either")
+    made.add_argument("--program", type=_program, metavar="NAME",
+                      help="name of the loaded program, which must only wait, for 10 s or longer: the stage move plays "
+                      "it to see whether stop_program ends it")
     made.add_argument("--out", metavar="FOLDER", help="where the files are written: %s" % ", ".join(_FILES))
     made.add_argument("--seconds", type=_seconds, default=_SECONDS, metavar="S",
                       help="how long to listen to the status port, default %(default)g")
@@ -112,6 +118,12 @@ def _output(text: str) -> int:
     return value
 
 
+def _program(text: str) -> str:
+    if not 1 <= len(text) <= _LONGEST_NAME:
+        raise argparse.ArgumentTypeError("must have 1 to %d characters" % _LONGEST_NAME)
+    return text
+
+
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return an exit code."""
     made = parser()
@@ -121,6 +133,8 @@ def main(argv: Optional[List[str]] = None) -> int:
         made.error("%s takes %s" % (options.address, ["no file", "one file", "two files"][wanted]))
     if options.output is not None and options.stage not in (ProbeStage.SET.value, ProbeStage.MOVE.value):
         made.error("--output needs --stage set")
+    if options.program is not None and options.stage != ProbeStage.MOVE.value:
+        made.error("--program needs --stage move")
     try:
         if options.address == "explain":
             content = report.read(options.files[0])
@@ -271,7 +285,8 @@ class _Run:
         name = str((version or {}).get("robot_name") or self._options.address)
         _tell("move: these commands, each step after your consent; a guard process stops the arm where this one ends")
         for command, what in MOVES.items():
-            _tell_part("%s: %s" % (command, what))
+            if self._options.program or command not in PROGRAM_MOVES:
+                _tell_part("%s: %s" % (command, what))
         _tell_part("no joint goes further than 3 deg; where the tool leaves a sphere of %.0f mm round its start, the "
                    "arm is stopped" % (1000.0 * ROOM_M))
         if self._person.ask("the arm MOVES. Its name is %s; type it to go on: " % name) != name:
@@ -285,7 +300,7 @@ class _Run:
             guard = Guard(self._options.address, self._options.command_port, self._options.status_port)
             arm = Mover(self.record, self._options.command_port, feed, guard, AXIS, _tell_part, self._back)
             try:
-                move(arm, self._facts, self._curves, self._person, _tell_part)
+                move(arm, self._facts, self._curves, self._person, _tell_part, self._options.program or "")
             except StageEnded as ended:
                 _tell("move: ended, %s" % ended)
                 return 1

@@ -117,6 +117,9 @@ DESCRIBED: Dict[str, Described] = {
     "servo_leave_delay": Described(_MOVE, "from the acceptance of leaving servo mode until it is off", "s", "5.6.1",
                                    "servo_leave_delay"),
     "stop_ends_servo": Described(_MOVE, "`stop_program` ends a servo stream", "", "5.6.1", "stop_ends_servo"),
+    "stop_ends_program": Described(_MOVE, "`stop_program` ends a program", "", "5.4.4", "stop_ends_program"),
+    "unready_code": Described(_MOVE, "a move of an arm that is not enabled is refused with code 2, or with that of the "
+                              "maker's SDK for it", "", "4.3", "unready_code"),
     "twin_angle": Described(_MOVE, "a simulated controller made of this report is that near to this arm", "deg", "5.2"),
     "twin_time": Described(_MOVE, "and that near in time", "s", "5.2"),
     "room": Described(_MOVE, "largest distance of the tool from where the stage began", "mm", "5.2"),

@@ -64,10 +64,12 @@ class Mover:
     """The arm, its command port, and the guard.
 
     Attributes:
+        back: Takes what could not be set back.
         start: Joints at the beginning, rad (6,).
         seen: What the feed has shown since ``begin``, oldest first.
         furthest_m: Largest distance of the tool from its start, m.
         furthest_rad: Largest distance of a joint from its start, rad.
+        needs_drives: The arm is stopped where it is not powered and enabled.
     """
 
     def __init__(self, record: ConnectionLog, command_port: int, feed: HeardFeed, guard: Guard, axis: int,
@@ -83,13 +85,14 @@ class Mover:
             log: Takes what a stop says.
             back: Takes that the arm was not seen at rest, also where a signal or a defect ends the step.
         """
-        self._back = SetBack() if back is None else back
+        self.back = SetBack() if back is None else back
         self._record, self._port, self._feed, self._guard, self._log = record, command_port, feed, guard, log
         self._axis = axis
         self._begun = feed.states[-1]
         self.start: Vector = self._begun.joint_position
         self.seen: List[Seen] = []
         self.furthest_m = self.furthest_rad = 0.0
+        self.needs_drives = True
         self._trouble = ""
         self._turned_at, self._guard_trouble = time.monotonic(), guard.health().last_trouble
         self._stopping: Optional[Stopping] = None
@@ -138,7 +141,8 @@ class Mover:
             self.furthest_m = max(self.furthest_m, math.dist(state.tcp_position, begun.tcp_position))
         if self.furthest_m > ROOM_M:
             return "the tool was %.0f mm from its start" % (1000.0 * self.furthest_m)
-        if not state.is_powered or not state.is_enabled or state.emergency_stop or state.protective_stop:
+        if self.needs_drives and (
+                not state.is_powered or not state.is_enabled or state.emergency_stop or state.protective_stop):
             return "the arm is not enabled any more"
         return ""
 
@@ -308,7 +312,7 @@ class Mover:
             if has_seen_rest:
                 self._guard.notify(False)
             else:
-                self._back.left.append(_UNSEEN)
+                self.back.left.append(_UNSEEN)
                 self._log(_UNSEEN)
         return has_seen_rest
 

@@ -127,6 +127,9 @@ STATEMENTS: Dict[str, Statement] = {
     "S34": Statement("`inpos` may be true although the arm moves, on 1.7 and newer", "D", "6.2",
                      ("version", "inpos"),
                      lambda version, value: True if value == "early" and _generation(version) >= (1, 7) else None),
+    "S35": Statement("a motion is refused with code 2 while the arm is not enabled", "I", "4.3", ("unready_code",),
+                     _is("2")),
+    "S36": Statement("`stop_program` stops a running program", "C", "5.4.4", ("stop_ends_program",), bool),
 }
 """All statements by id. An id is never used again for another statement."""
 

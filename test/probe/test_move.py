@@ -10,6 +10,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from import_graph import ROOT
 from probe_bench import WAIT, ProbeOnTerminal, command, facts_in, wrong
 from wire_verdict import WireVerdict
 
@@ -18,7 +19,9 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.probe.ask import QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage
 from jaka_ros_driver.probe.motion import ROOM_M, MotionEnded, Mover, Seen
-from jaka_ros_driver.probe.move import AXIS, MOVES, STEPS, Moving, inpos_fact, starvation_fact, stop_facts, why_not
+from jaka_ros_driver.probe.move import MOVES, STEPS, inpos_fact, stop_facts, why_not
+from jaka_ros_driver.probe.moving import AXIS, Moving
+from jaka_ros_driver.probe.servo_steps import starvation_fact
 from jaka_ros_driver.probe.set_same import READ_BACK, SETTINGS, SetBack, uninterrupted
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
@@ -227,16 +230,18 @@ def test_an_arm_that_was_not_seen_at_rest_is_told_however_the_step_ends(ctrl_c, 
 
 
 def moved(tmp_path, arm, *words, **answers):
-    return ProbeOnTerminal(command(tmp_path / "out", arm.ports, "--stage", "move", *words), **answers)
+    return ProbeOnTerminal(command(tmp_path / "out", arm.ports, "--stage", "move", *words), arm=arm, **answers)
 
 
 def test_each_dimension_of_motion_is_found_in_its_room_and_the_arm_is_where_it_was(tmp_path, controller):
     dialect = {"start_delay": 0.5, "inpos": "late", "stop_ends_jog": False, "stop_ends_servo": False,
                "jog_stop_ends": "its axis", "pause_pauses_moves": False, "servo_leave_delay": 0.08,
-               "starvation": "repeat", "stop_drops_frames": False, "servo_queue": 0, "move_acceleration": 0.5}
+               "starvation": "repeat", "stop_drops_frames": False, "servo_queue": 0, "move_acceleration": 0.5,
+               "unready_code": "sdk", "stop_ends_program": False}
     (tmp_path / "dialect.json").write_text(json.dumps(dialect))
     arm = controller("--dialect", str(tmp_path / "dialect.json"), "--firmware", "1.7.2")
-    terminal = moved(tmp_path, arm)
+    arm.operate("load_program", name="weld")
+    terminal = moved(tmp_path, arm, "--program", "weld")
     assert terminal.end() == 0, terminal.text
     found = facts_in(tmp_path / "out")
     assert {DESCRIBED[name].dimension for name, fact in found.items() if fact.value is not None} >= (
@@ -247,6 +252,7 @@ def test_each_dimension_of_motion_is_found_in_its_room_and_the_arm_is_where_it_w
     names = arm.sent()
     assert set(names) <= {*QUESTIONS, UNKNOWN_COMMAND, "malformed", *SETTINGS, *READ_BACK, *MOVES}
     assert set(MOVES) - {"clear_error"} <= set(names)
+    assert names.count("play_program") == 1
     assert "set_digital_output" not in names and "io_index_base" not in found, "nobody named an output"
     path = [joints for _, joints in WireVerdict(arm.log).joints()]
     assert max(abs(a - b) for one in path for a, b in zip(one, path[0])) <= math.radians(3.0)
@@ -276,6 +282,12 @@ def test_an_arm_whose_probe_is_ended_in_a_motion_comes_to_rest(tmp_path, control
     goal = math.radians(2.0)
     gone = abs(verdict.joints()[-1][1][AXIS] - verdict.joints()[0][1][AXIS])
     assert 0.0 < gone < goal - 0.001, "it was stopped before it arrived"
+
+
+def test_the_page_counts_the_steps():
+    page = " ".join((ROOT / "docs" / "first_contact.md").read_text(encoding="utf-8").split())
+    count = ("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen")[len(STEPS) - 10]
+    assert "before each of %s steps" % count in page
 
 
 def test_without_the_arms_name_or_a_consent_nothing_moves(tmp_path, controller):

@@ -48,7 +48,7 @@ class EndedEarly:
 
     process = SimpleNamespace(send_signal=lambda number: pytest.fail("there is nothing to end"))
 
-    def __init__(self, command):
+    def __init__(self, command, arm=None):
         pass
 
     def wait_for(self, text):

@@ -40,12 +40,14 @@ STOPPED_WITHIN_S = 4.0
 WATCHED_S = 6.0
 MAY_BE_OPEN = {"move_acceleration", "move_jerk_time"}
 MODEL = "zu7"
+WORDS = ("--stage", "move", "--program", "weld")
 ENDINGS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT)
 
 
 def start(folder, seed):
     firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
     arm = Controller(folder, "--dialect-seed", str(seed), "--firmware", firmware)
+    arm.operate("load_program", name="weld")
     return arm, Dialect.from_seed(seed, firmware)
 
 
@@ -72,7 +74,7 @@ def killed(folder, seed):
     chance = random.Random(seed)
     number, step, moment = chance.choice(ENDINGS), chance.randrange(1, len(STEPS) + 1), chance.uniform(0.0, 4.0)
     arm, dialect = start(folder, seed)
-    terminal = ProbeOnTerminal(command(folder / ("killed-%d" % seed), arm.ports, "--stage", "move"))
+    terminal = ProbeOnTerminal(command(folder / ("killed-%d" % seed), arm.ports, *WORDS), arm=arm)
     try:
         terminal.wait_for("step %d of" % step)
     except AssertionError as error:  # the program has ended before
@@ -97,7 +99,7 @@ def whole(folder, seed):
     """Run to the end; return what is wrong, a tally, complaints, the judgements by dimension, and the twin's error."""
     arm, dialect = start(folder, seed)
     out = folder / ("whole-%d" % seed)
-    terminal = ProbeOnTerminal(command(out, arm.ports, "--stage", "move"))
+    terminal = ProbeOnTerminal(command(out, arm.ports, *WORDS), arm=arm)
     code = terminal.end()
     ended = time.monotonic()
     arm.close()

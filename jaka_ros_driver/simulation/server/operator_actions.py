@@ -92,6 +92,17 @@ def _load_force_sensor(server: ControllerServer, request: Dict[str, Any]) -> Non
     sensor.load(tuple(arguments.number(axis, 0.0) for axis in ("fx", "fy", "fz", "mx", "my", "mz")))
 
 
+def _disable(server: ControllerServer, _request: Dict[str, Any]) -> None:
+    try:
+        server.controller.state.disable()
+    except CommandRefused:
+        raise InvalidCommand("the arm moves, or a program runs: it is not disabled") from None
+
+
+def _load_program(server: ControllerServer, request: Dict[str, Any]) -> None:
+    server.controller.state.memory.program_name = Arguments(request).text("name")
+
+
 def _fault(server: ControllerServer, request: Dict[str, Any]) -> _Answer:
     known = {key: request[key] for key in _FAULT_KEYS if key in request}
     params = {key: value for key, value in request.items() if key not in known}
@@ -176,6 +187,10 @@ ACTIONS: Dict[str, Action] = {
                                      "release it; clear_error, power_on, enable_robot remain to be done"),
     "hit": Action(_hit, "force N (150), joint 1..6 (none)",
                   "hit the arm; it stops when the force reaches 25 N times the collision level; answers noticed"),
+    "disable": Action(_disable, "", "disable the drives at the pendant; they keep power"),
+    "load_program": Action(_load_program, "name", "load a program at the pendant"),
+    "end_program": Action(lambda server, request: server.controller.state.stop(), "",
+                          "end the program and every motion at the pendant"),
     "push": Action(_push, "joint 1..6, velocity deg/s, duration simulated s (1)",
                    "push a joint by hand; moves only while hand guiding is on; answers pushed"),
     "set_input": Action(_set_input, "index, value, bank (cabinet), signal digital or analog (digital)",

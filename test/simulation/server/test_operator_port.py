@@ -9,6 +9,7 @@ from raw_client import RawClient, RawFeed, poll
 from waiting import wait_until
 
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
+from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.simulation.server.faults import KINDS
 from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
@@ -305,6 +306,28 @@ def test_the_force_sensor_is_loaded_where_there_is_one(make_arm):
         wait_until(lambda: feed.frame()["torqsensor"][1][2] == [1.5, 0, 0, 0, 0, -0.25], "the load is in the feed")
     with pytest.raises(InvalidCommand, match="fy is not a number"):
         loaded.operate("load_force_sensor", fy="much")
+
+
+def test_drives_are_disabled_at_the_pendant_unless_the_arm_moves(arm, client, feed):
+    assert client.code("joint_move", jointPosition=[20.0, 90, -90, 90, 90, 0], speed=10.0) == "0"
+    with pytest.raises(InvalidCommand, match="the arm moves"):
+        arm.operate("disable")
+    client.ask("stop_program")
+    wait_until(lambda: not arm.state()["is_moving"], "it rests")
+    arm.operate("disable")
+    assert feed.until(lambda frame: not frame["enabled"] and frame["powered_on"])
+
+
+def test_a_program_is_loaded_and_ended_at_the_pendant_whatever_stop_program_does(make_arm):
+    arm = make_arm(start="enabled", dialect=Dialect.default("1.5.14").replaced({"stop_ends_program": False}))
+    with RawClient(arm.command_port) as client:
+        arm.operate("load_program", name="weld")
+        assert client.ask("get_loaded_program")["programName"] == "weld"
+        client.ask("play_program")
+        client.ask("stop_program")
+        assert client.ask("get_program_state")["programState"] == "running"
+        arm.operate("end_program")
+        assert client.ask("get_program_state")["programState"] == "idle"
 
 
 def test_true_state_and_events(arm, client):

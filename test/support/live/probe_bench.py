@@ -16,6 +16,7 @@ from jaka_ros_driver.probe.move import MOVES
 from jaka_ros_driver.probe.set_same import DRAG_COMMAND, READ_BACK, SETTINGS
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.wire.log import TrueJoints, read_log
 
 WAIT = 120.0
@@ -41,6 +42,11 @@ class Controller:
     def close(self):
         self.process.terminate()
         self.process.communicate(timeout=WAIT)
+
+    def operate(self, action, **parameters):
+        """Do something at the pendant."""
+        answer = ask_operator_port(self.ports["panel_port"], {"action": action, **parameters})
+        assert answer["ok"], answer
 
     def sent(self):
         """Return the names of the commands that it was sent, and the pieces that hold none."""
@@ -150,10 +156,11 @@ class ProbeOnTerminal:
         command: Its words.
         confirm: Takes the number of steps that were confirmed already; returns the answer to the next one.
         name: Takes the arm's name as it was told; returns what is typed.
+        arm: The ``Controller`` at whose pendant is done what is asked for; None for nothing.
     """
 
-    def __init__(self, command, confirm=lambda done: "y", name=lambda told: told):
-        self._confirm, self._name = confirm, name
+    def __init__(self, command, confirm=lambda done: "y", name=lambda told: told, arm=None):
+        self._confirm, self._name, self._arm = confirm, name, arm
         self.text, self.confirmed, self._has_ended = "", 0, False
         self._news = threading.Condition()
         self._terminal, theirs = pty.openpty()
@@ -177,9 +184,14 @@ class ProbeOnTerminal:
                 self._type(self._name(told))
             elif self.text.endswith("y begins this step: ") and len(self.text) > answered:
                 answered = len(self.text)
+                if self._arm is not None and "disable the arm at the pendant" in self.text.splitlines()[-1]:
+                    self._arm.operate("disable")
                 answer = self._confirm(self.confirmed)
                 self.confirmed += answer == "y"
                 self._type(answer)
+            elif self.text.endswith("End it at the pendant; y goes on: "):
+                self._arm.operate("end_program")
+                self._type("y")
             elif self.text.endswith("where you did not see it) "):
                 self._type("")
 
