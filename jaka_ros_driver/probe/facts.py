@@ -112,6 +112,8 @@ DESCRIBED: Dict[str, Described] = {
     "servo_on_time": Described(_MOVE, "from the acceptance of servo mode until it is on", "s", "5.6.1"),
     "servo_gaps": Described(_MOVE, "pauses of a servo stream, ms, after which it goes on", "", "5.6.5"),
     "starvation": Described(_MOVE, "reaction of the arm to a servo stream that runs dry", "", "5.6.5", "starvation"),
+    "servo_queue": Described(_MOVE, "servo frames that wait behind the one for the next cycle", "", "5.6.5",
+                             "servo_queue"),
     "stop_drops_frames": Described(_MOVE, "leaving servo mode drops the frames that wait", "", "5.6.1",
                                    "stop_drops_frames"),
     "servo_leave_delay": Described(_MOVE, "from the acceptance of leaving servo mode until it is off", "s", "5.6.1",

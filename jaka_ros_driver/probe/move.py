@@ -26,7 +26,7 @@ from jaka_ros_driver.probe.moving import (
 )
 from jaka_ros_driver.probe.pendant_steps import NOT_ENABLED, PROGRAM, PROGRAM_MOVES
 from jaka_ros_driver.probe.person import Person
-from jaka_ros_driver.probe.servo_steps import leave_servo, servo_off_time, starve, stop_servo
+from jaka_ros_driver.probe.servo_steps import AHEAD, frames_ahead, leave_servo, servo_off_time, starve, stop_servo
 from jaka_ros_driver.probe.set_same import PrintLine, StageEnded
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
 from jaka_ros_driver.state import RobotState, unrest
@@ -192,6 +192,8 @@ STEPS: Tuple[MoveStep, ...] = (
          ("pause_pauses_moves",), _pause),
     MoveStep("streams it in servo mode by 1.5 deg at 5 deg/s, with gaps, and ends without frames: what does it do?",
          ("servo_on_time", "servo_gaps", "starvation"), starve),
+    MoveStep("sends %d servo frames at once, twice, which lead it by 0.54 deg at most: how many of them count?" % AHEAD,
+             ("servo_queue",), frames_ahead),
     MoveStep("streams it at 2 deg/s and leaves servo mode in the middle of a frame: does the frame run out?",
          ("stop_drops_frames",), leave_servo),
     MoveStep("enters and leaves servo mode without a motion: when is it off?", ("servo_leave_delay",), servo_off_time),

@@ -34,6 +34,8 @@ class Moving:
     """The arm and the facts of one run of the stage.
 
     Attributes:
+        home: Where the joint began, rad.
+        sign: Its direction toward zero, 1 or -1.
         program: The name of a loaded program that only waits; "" for none.
     """
 
@@ -43,11 +45,11 @@ class Moving:
         self.curves = curves
         self.program = program
         self.home = arm.start[AXIS]
-        self._sign = -1.0 if self.home > 0.0 else 1.0
+        self.sign = -1.0 if self.home > 0.0 else 1.0
 
     def place(self, degrees: float) -> float:
         """Return the position, rad, so many degrees from home, in the direction of zero."""
-        return self.home + self._sign * deg_to_rad(degrees)
+        return self.home + self.sign * deg_to_rad(degrees)
 
     def move(self, degrees: float, speed: float, acceleration: float = ACCELERATION) -> float:
         """Begin a move to so many degrees from home; return when it was accepted, monotonic s."""
@@ -57,7 +59,7 @@ class Moving:
     def jog(self) -> None:
         """Begin a jog, and wait until it has gone 0.5 deg."""
         begun = self.arm.position
-        self.arm.require(Jog(JogFrame.JOINT, AXIS, self._sign * JOG_SPEED))
+        self.arm.require(Jog(JogFrame.JOINT, AXIS, self.sign * JOG_SPEED))
         self.has_gone(begun, 0.5)
 
     def has_gone(self, begun: float, degrees: float) -> None:

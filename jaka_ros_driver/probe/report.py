@@ -50,8 +50,8 @@ def as_json(facts: Facts, stages: Sequence[ProbeStage], is_whole: bool, left: Se
 def dialect_of(facts: Facts) -> Dict[str, Any]:
     """Return what the settled facts say of a dialect, as ``Dialect.from_file`` reads it.
 
-    A number beyond the ends of its dimension becomes the end; names that the simulated controller cannot leave out are
-    left out.
+    A number beyond the ends of its dimension becomes the end, and one between those that it has the nearest; names that
+    the simulated controller cannot leave out are left out.
     """
     found: Dict[str, Any] = {}
     for name, fact in facts.items():
@@ -61,6 +61,8 @@ def dialect_of(facts: Facts) -> Dict[str, Any]:
         value: Any = bool(fact.value) if name.endswith("_unknown") else fact.value
         if isinstance(dimension, Range):
             value = min(max(value, dimension.low), dimension.high)
+        elif isinstance(dimension, Choice) and type(value) is int:
+            value = min(dimension.values, key=lambda one: abs(one - value))
         elif isinstance(dimension, Subset):
             value = [one for one in dimension.names if one in value]
         found[DESCRIBED[name].dimension] = value

@@ -1,11 +1,11 @@
 """The steps of the stage that moves which stream servo frames."""
 import time
-from typing import Sequence
+from typing import Optional, Sequence
 
 from jaka_ros_driver.commands import ServoJoint, SetServoMode, Stop
 from jaka_ros_driver.probe.facts import Fact
 from jaka_ros_driver.probe.motion import CYCLE_S, REST_RAD, MotionEnded, Seen
-from jaka_ros_driver.probe.moving import ENTER_S, Moving
+from jaka_ros_driver.probe.moving import ENTER_S, REST_S, Moving
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.units import deg_to_rad, rad_to_deg
@@ -14,6 +14,13 @@ GAPS_MS = (8, 16, 40, 100)
 """Lengths, ms, of pauses of a servo stream."""
 _TRIES, _CLEAR_S = 3, 0.02
 """Most measurements of a short time, until its least and its greatest value differ by less than this, s."""
+AHEAD, _AHEAD_CYCLES, AHEAD_RAD = 54, 12, deg_to_rad(0.02)
+"""Number of frames that are sent at once, the cycles of each, and the way, rad, of every other one.
+
+From the first to the last target they lead so little that none is faster than the others may be, whichever are ignored.
+"""
+_AHEAD_REST_S, _AHEAD_BEGINS_S = 0.6, 0.5
+"""Time, s, at one place that is rest: longer than three of these frames; and time that the first one has to begin."""
 
 
 def starve(it: Moving) -> None:
@@ -62,6 +69,60 @@ def starvation_fact(seen: Sequence[Seen], ended: float, target: float, before: f
     if way > REST_RAD or beyond < -1e-4:
         return Fact(None, how)
     return Fact("hold" if beyond < 1e-4 else "coast" if beyond > 2e-4 else None, how)
+
+
+def frames_ahead(it: Moving) -> None:
+    """Send frames at once, every other of which holds: how many count?"""
+    it.facts["servo_queue"] = ahead_fact(_way_of_frames(it, it.sign, True), _way_of_frames(it, -it.sign, False))
+
+
+def _way_of_frames(it: Moving, sign: float, moves_first: bool) -> Optional[float]:
+    """Send frames at once; return the way, in ways of one frame, or None where the arm goes on after the last.
+
+    An arm that repeats what the last one did rests after one that holds.
+    """
+    it.enter_servo()
+    begun = it.arm.position
+    frames = [ServoJoint(it.arm.joints(begun + sign * AHEAD_RAD * ((number + 1 + moves_first) // 2)),
+                         cycles=_AHEAD_CYCLES) for number in range(AHEAD)]
+    sent = time.monotonic()
+    it.arm.send(b"".join(encode_object(codec.encode(frame)) for frame in frames))
+    rests = it.arm.wait(AHEAD * _AHEAD_CYCLES * CYCLE_S + 2.0,
+                        lambda: it.arm.has_rested(_AHEAD_REST_S, sent + _AHEAD_BEGINS_S))
+    way = abs(it.arm.position - begun) / AHEAD_RAD
+    if it.arm.state.has_fault:
+        if it.facts.get("starvation", Fact(None, "")).value != "fault":
+            raise MotionEnded("a fault came, %d" % it.arm.state.error_code)
+        it.clear_fault()
+    it.arm.require(SetServoMode(False))
+    if not it.arm.wait(ENTER_S, lambda: not it.is_in_servo() and it.arm.has_rested(REST_S)):
+        raise MotionEnded("servo mode was still on, or the arm moved, after %.0f s" % ENTER_S)
+    return way if rests else None
+
+
+def ahead_fact(moving_first: Optional[float], holding_first: Optional[float]) -> Fact:
+    """Return how many frames wait, by the ways of two lots of frames that were sent at once.
+
+    Every other frame moves the arm by one way, the others hold. Each value is the way of a lot, in such ways, and None
+    where the arm went on after its last frame.
+
+    Args:
+        moving_first: Of the lot whose first frame moves the arm.
+        holding_first: Of the lot whose first frame holds.
+    """
+    ways = [None if way is None else int(round(way)) for way in (moving_first, holding_first)]
+    how = "of %d frames of %.0f ms, of which every other one moved the arm, %%s" % (
+        AHEAD, 1000.0 * _AHEAD_CYCLES * CYCLE_S)
+    if any(way is not None and abs(way - round(way)) > 0.25 for way in (moving_first, holding_first)):
+        return Fact(None, how % "some moved it in part: %s and %s" % (moving_first, holding_first))
+    first, second = ways
+    if first is not None and second is not None:
+        counted = first + second if first - second in (0, 1) else 0
+    else:
+        counted = 2 * first if first is not None else 2 * second + 1 if second is not None else 0
+    if not counted:
+        return Fact(None, how % "%s and %s moved it in two tries" % (first, second))
+    return Fact(counted - 1, how % ("%d counted" % counted if counted < AHEAD else "all counted: more may wait"))
 
 
 def leave_servo(it: Moving) -> None:

@@ -1,21 +1,26 @@
 """Single steps of the stage of jaka_probe that moves, on simulated controllers of each value of their dimensions."""
+import bisect
 import contextlib
+import math
 from types import SimpleNamespace
 
 import pytest
 from probe_bench import wrong
+from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.guard import GuardHealth
 from jaka_ros_driver.probe import move as stage
+from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.facts import Fact
 from jaka_ros_driver.probe.look import HeardFeed, listen
 from jaka_ros_driver.probe.motion import Mover
 from jaka_ros_driver.probe.moving import AXIS
 from jaka_ros_driver.probe.pendant_steps import NOT_ENABLED, PROGRAM, program_fact, unready_fact
 from jaka_ros_driver.probe.recorded import ConnectionLog
+from jaka_ros_driver.probe.servo_steps import AHEAD, ahead_fact
 from jaka_ros_driver.probe.set_same import SetBack, StageEnded
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
-from jaka_ros_driver.simulation.dialect.table import Dialect
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.wire.log import read_log
@@ -49,13 +54,52 @@ class Bench:
             mover = Mover(record, self.arm.command_port, feed, GUARD, AXIS, self.told.append, self.back)
             with contextlib.closing(mover):
                 stage.move(mover, self.facts, {}, self, self.told.append, **named)
+        self._judge()
         return self.facts
+
+    def _judge(self):
+        """Note how far from its start and how fast the joint was, by the log of the arm itself: deg, deg/s in 0.1 s."""
+        path = [(at, math.degrees(joints[AXIS])) for at, joints in WireVerdict(self.log).joints()]
+        times = [at for at, _ in path]
+        self.furthest = max(abs(place - path[0][1]) for _, place in path)
+        later = [bisect.bisect_left(times, at + 0.1) for at in times]
+        self.fastest = max(abs(path[there][1] - path[here][1]) / (times[there] - times[here])
+                           for here, there in enumerate(later) if there < len(path))
 
 
 def sent(log):
     """Return what the controller was sent on its command port."""
     return b"".join(event.data for event in read_log(str(log))
                     if getattr(event, "port", "") == "command" and event.what == "in")
+
+
+AHEAD_STEP = next(step for step in stage.STEPS if "servo_queue" in step.facts)
+
+
+@pytest.mark.parametrize("starvation", ["hold", "repeat", "coast", "fault"])
+@pytest.mark.parametrize("waiting", DIMENSIONS["servo_queue"].samples())
+def test_how_many_frames_wait_whatever_an_arm_does_without_them(tmp_path, monkeypatch, waiting, starvation):
+    bench = Bench(tmp_path / "log.mcap", servo_queue=waiting, starvation=starvation)
+    bench.facts["starvation"] = Fact(starvation, "as an earlier step found it")
+    facts = bench.run(monkeypatch, AHEAD_STEP)
+    assert facts["servo_queue"].value == waiting, facts["servo_queue"]
+    assert not wrong(facts, bench.arm.dialect)
+    assert wrong({"servo_queue": Fact(4 if waiting != 4 else 1, "")}, bench.arm.dialect), "a wrong fact must be noticed"
+    assert bench.furthest < 3.0 and bench.fastest < 7.0
+
+
+@pytest.mark.parametrize("moving, holding, told", [
+    (1.0, 0.0, 0), (None, 0.0, 0), (1.0, 1.0, 1), (1.0, None, 1), (3.0, 2.0, 4), (None, 2.0, 4), (25.0, 25.0, 49),
+    (27.0, 27.0, 53), (0.0, 0.0, None), (None, None, None), (3.0, 1.0, None), (2.0, 3.0, None), (1.4, 1.0, None)])
+def test_how_many_frames_counted_is_told_by_two_ways_that_agree(moving, holding, told):
+    assert ahead_fact(moving, holding).value == told
+
+
+def test_more_frames_than_were_sent_may_wait():
+    fact = ahead_fact(AHEAD / 2, AHEAD / 2)
+    assert fact.value == AHEAD - 1 and "all counted: more may wait" in fact.how
+    assert report.dialect_of({"servo_queue": fact})["servo_queue"] == 49, "the nearest that a simulated one has"
+    assert report.dialect_of({"servo_queue": Fact(14, "")})["servo_queue"] == 4
 
 
 @pytest.mark.parametrize("ends", [True, False])
