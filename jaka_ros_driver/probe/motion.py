@@ -69,6 +69,7 @@ class Mover:
         seen: What the feed has shown since ``begin``, oldest first.
         furthest_m: Largest distance of the tool from its start, m.
         furthest_rad: Largest distance of a joint from its start, rad.
+        put_back: A setting, sent when the arm rests after the step that has changed it; None for none.
         needs_drives: The arm is stopped where it is not powered and enabled.
     """
 
@@ -92,6 +93,7 @@ class Mover:
         self.start: Vector = self._begun.joint_position
         self.seen: List[Seen] = []
         self.furthest_m = self.furthest_rad = 0.0
+        self.put_back: Optional[Command] = None
         self.needs_drives = True
         self._trouble = ""
         self._turned_at, self._guard_trouble = time.monotonic(), guard.health().last_trouble
@@ -104,7 +106,7 @@ class Mover:
     def close(self) -> None:
         """Close the command port, and take no more frames."""
         self._feed.on_state = None
-        self._hang_up()
+        self.hang_up()
 
     # ---- what is seen ----
 
@@ -265,10 +267,11 @@ class Mover:
 
     def _connect(self) -> None:
         if self._command is None or self._command.is_closed:
-            self._hang_up()
+            self.hang_up()
             self._command = self._record.connect("command", self._port)
 
-    def _hang_up(self) -> None:
+    def hang_up(self) -> None:
+        """Close the command port; the next command connects it again."""
         if self._command is not None:
             self._command.close()
         self._command, self._stream, self._items = None, ObjectStream(), []
@@ -295,7 +298,10 @@ class Mover:
             except MotionEnded as ended:
                 why = str(ended)
             finally:
-                has_seen_rest = self._end_motion()
+                try:
+                    has_seen_rest = self._end_motion()
+                finally:
+                    self._put_back()
         if not has_seen_rest:
             raise MotionEnded(_UNSEEN)
         return why
@@ -316,6 +322,27 @@ class Mover:
                 self._log(_UNSEEN)
         return has_seen_rest
 
+    def _put_back(self) -> None:
+        """Send the setting that is to be put back, whatever has ended the step, and note where it is not accepted."""
+        command, self.put_back = self.put_back, None
+        if command is None:
+            return
+        name, self._items = codec.command_name(command), []
+        deadline = time.monotonic() + _ANSWER_S
+        why = "no answer"
+        try:
+            self.send(encode_object(codec.encode(command)))
+            while why and time.monotonic() < deadline:
+                self._read(_TURN_S)
+                for item in self._items:
+                    if item.get("cmdName") == name:
+                        codec.raise_if_rejected(name, item)
+                        why = ""
+        except JakaError as error:
+            why = str(error)
+        if why:
+            self.back.left.append("%s was not put back: %s" % (name, why))
+
     def _wait_for_guard(self) -> None:
         deadline = time.monotonic() + _GUARD_S
         while not self._guard.health().is_alive:
@@ -333,10 +360,10 @@ class Mover:
                 if step is Step.FINISH:
                     return stopping.has_seen_rest
                 if step is Step.HANG_UP:
-                    self._hang_up()
+                    self.hang_up()
                 elif step is Step.SEND:
                     if self._command is None or not self._command.send(stopping.request(now)):
-                        self._hang_up()
+                        self.hang_up()
                         stopping.failed("the command port was closed", False, now)
                 elif step is Step.CONNECT:
                     try:
@@ -348,7 +375,7 @@ class Mover:
                 if self._feed.connection.is_closed:
                     stopping.saw_nothing("the status port was closed")
                 if self._command is not None and self._command.is_closed:
-                    self._hang_up()
+                    self.hang_up()
                     stopping.failed("the command port was closed", False, time.monotonic())
         finally:
             self._stopping = None

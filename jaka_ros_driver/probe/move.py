@@ -7,7 +7,8 @@ import math
 import time
 from typing import Dict, Optional, Sequence, Tuple
 
-from jaka_ros_driver.commands import JogFrame, JogStop, PauseMotion, Pose, Stop
+from jaka_ros_driver.commands import JogFrame, JogStop, PauseMotion, Pose, SetLinkLoss, Stop
+from jaka_ros_driver.probe.ask import NOT_KNOWN, code_of
 from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.fit import SampledCurve
 from jaka_ros_driver.probe.motion import REST_RAD, ROOM_RAD, MotionEnded, Mover, Seen
@@ -32,11 +33,14 @@ from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
 from jaka_ros_driver.state import RobotState, unrest
 from jaka_ros_driver.units import deg_to_rad, rad_to_deg
 
+_LOSS_COMMAND, _LOSS_S = "set_network_exception_handle", 0.5
+"""The command that asks a controller to stop the motion of a client that is lost; how long after that, s."""
 MOVES: Dict[str, str] = {
     "joint_move": "joint 6 by 2.5 deg at most, at 3 deg/s at most, and back; to where it is, while it is not enabled",
-    "jog": "joint 6 at 1.5 deg/s for two seconds at most; its stop, also that of another joint",
+    "jog": "joint 6 at 1.5 deg/s for two seconds at most; its stop, also that of another joint, and of all joints",
     "stop_program": "during each of these motions, and while a program runs",
     "pause_program": "during a move",
+    _LOSS_COMMAND: "stop %.1f s after the loss of the client, tried in a move of 0.25 deg/s; then no stop" % _LOSS_S,
     "servo_move": "into servo mode and out of it",
     "servo_j": "joint 6 by 2.4 deg at most, at 7 deg/s at most",
     "is_in_servomove": "whether servo mode is on",
@@ -49,6 +53,12 @@ _LONGEST_TURN = deg_to_rad(300.0)
 _LARGEST_SWING_M = 0.02
 """Largest way, m, on which the tool's tip is swung by joint 6: ``ROOM_RAD`` and ``ROOM_M`` count on it."""
 _LATE_INPOS_S = 3.3
+_LOSS_SPEED, _LOSS_WATCHED_S, _LOSS_UNSURE_S = deg_to_rad(0.25), 12.0, 0.3
+"""Speed, rad/s, of the move whose client is lost, which ends by itself in the room; for how long it is watched, s; the
+largest difference, s, of its time from what its way tells.
+"""
+_JUNCTION, _AROUND, _BLEND_M = 1.25, 0.2, 0.005
+"""Place of the junction of two moves, and the way around it that is looked at, deg; the first one's tolerance, m."""
 
 ASKED = {name: AskedMotion(rad_to_deg(speed), rad_to_deg(acceleration)) for name, speed, acceleration in (
     (MOVE, SLOW, ACCELERATION), (OUT, MEDIUM, GENTLE), (BACK, MEDIUM, GENTLE), (STOP, MEDIUM, ACCELERATION))}
@@ -141,6 +151,48 @@ def stop_facts(seen: Sequence[Seen], at: float) -> Facts:
     return facts
 
 
+def _blend(it: Moving) -> None:
+    """Queue two moves along one line, there with a tolerance and back without: how long are they at their junction?"""
+    found = []
+    for tolerance, middle, end in ((_BLEND_M, _JUNCTION, 2.0 * _JUNCTION), (0.0, _JUNCTION, 0.0)):
+        accepted = it.move(middle, MEDIUM, GENTLE, tolerance)
+        it.move(end, MEDIUM, GENTLE, tolerance)
+        target = it.place(end)
+        if not it.arm.wait(LONGEST_DELAY_S + 10.0, lambda: abs(it.arm.position - target) <= NEAR  # noqa: B023
+                           and it.arm.has_rested(REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+            raise MotionEnded("it did not arrive")
+        found.append(dwell(_curve([one for one in it.arm.seen if one.at >= accepted], accepted, it.home)))
+    it.facts["joint_blend"] = blend_fact(dwell(it.curves.get(OUT, [])), found[0], found[1])
+
+
+def dwell(curve: SampledCurve) -> Optional[float]:
+    """Return for how long, s, a motion was within 0.2 deg of the junction of two moves; None where it was not seen."""
+    times = []
+    for edge in (_JUNCTION - _AROUND, _JUNCTION + _AROUND):
+        times += [t0 + (edge - abs(p0)) / (abs(p1) - abs(p0)) * (t1 - t0)
+                  for (t0, p0), (t1, p1) in zip(curve, curve[1:])
+                  if min(abs(p0), abs(p1)) <= edge < max(abs(p0), abs(p1))][:1]
+    return abs(times[1] - times[0]) if len(times) == 2 else None
+
+
+def blend_fact(passing: Optional[float], with_tolerance: Optional[float], without: Optional[float]) -> Fact:
+    """Return whether the tolerance of a joint move is kept, by the times at the place of its target.
+
+    Args:
+        passing: Of one move that only passes there, s; None where it was not seen.
+        with_tolerance: Of a move that ends there and has a tolerance, with another one queued, s.
+        without: The same without a tolerance.
+    """
+    if passing is None or with_tolerance is None or without is None:
+        return Fact(None, "the motions were not seen whole")
+    how = "%.2f s within %.1f deg of its target with a tolerance, %.2f s without, %.2f s where nothing ends there" % (
+        with_tolerance, _AROUND, without, passing)
+    if without < 1.6 * passing:
+        return Fact(None, how + ": no stop shows without a tolerance either")
+    share = (with_tolerance - passing) / (without - passing)
+    return Fact(True if share <= 0.3 else False if share >= 0.7 else None, how)
+
+
 def _curve(seen: Sequence[Seen], at: float, home: float) -> SampledCurve:
     return [(round(one.at - at, 4), round(rad_to_deg(one.position - home), 4)) for one in seen]
 
@@ -166,6 +218,17 @@ def _jog_stop(it: Moving) -> None:
             "a jog of joint 6 went on after the stop of joint 1%s" % ("" if ended else ", and after its own"))
     else:
         it.facts["jog_stop_ends"] = Fact(None, "whether it moved on was not clear")
+    _jog_stop_all(it)
+
+
+def _jog_stop_all(it: Moving) -> None:
+    it.back()
+    it.jog()
+    for axis in range(6):  # as the maker's SDK does (docs/sdk-client.md section 5)
+        it.arm.is_taken(JogStop(JogFrame.JOINT, axis))
+    moves = it.goes_on()
+    it.facts["jog_stop_all"] = Fact(None if moves is None else not moves,
+                                    "a jog of joint 6, after the requests to stop joints 1 to 6")
 
 
 def _pause(it: Moving) -> None:
@@ -177,6 +240,42 @@ def _pause(it: Moving) -> None:
                                           "a move of joint 6, after pause_program")
 
 
+def _link_loss(it: Moving) -> None:
+    """Close the command port in a move that stays in the room even where nothing stops it: when does it stop?"""
+    it.arm.put_back = SetLinkLoss(0.0)
+    reply = it.arm.ask(SetLinkLoss(_LOSS_S))
+    code = "" if reply is None else code_of(reply)
+    if code == NOT_KNOWN:
+        missing = it.facts.get("commands_missing")
+        if missing is not None and missing.value is not None:
+            it.facts["commands_missing"] = missing._replace(value=sorted({*missing.value, _LOSS_COMMAND}))
+    if code != "0":
+        it.arm.put_back = None if code else it.arm.put_back
+        raise MotionEnded("%s is %s" % (_LOSS_COMMAND, "refused with code %s" % code if code else "not answered"))
+    it.move(2.4, _LOSS_SPEED)
+    it.has_gone(it.home, 0.1)
+    cut = time.monotonic()
+    it.arm.hang_up()
+    it.arm.wait(_LOSS_WATCHED_S, lambda: it.arm.has_rested(2.0 * REST_S, cut + REST_S))
+    it.facts.update(loss_facts(it.arm.seen, cut, it.place(2.4)))
+
+
+def loss_facts(seen: Sequence[Seen], cut: float, target: float) -> Facts:
+    """Return what the frames of a move toward a target, rad, whose client was lost at a moment, s, say of that."""
+    after = [one for one in seen if one.at > cut]
+    if len(after) < 3 or abs(after[-1].position - after[-3].position) > REST_RAD:
+        return {"link_loss_stops": Fact(None, "it was not seen at rest")}
+    if abs(after[-1].position - target) <= NEAR:
+        return {"link_loss_stops": Fact(False, "a move whose client was lost went on to its end")}
+    rest = next(one for one in after if abs(one.position - after[-1].position) <= REST_RAD)
+    lasted, by_way = rest.at - cut, abs(rest.position - after[0].position) / _LOSS_SPEED
+    how = "a move rested %.2f s after its connection was closed, and was to do so after %.1f s" % (lasted, _LOSS_S)
+    if abs(lasted - by_way) > _LOSS_UNSURE_S:
+        return {"link_loss_stops": Fact(True, how), "link_loss_notice": Fact(
+            None, "%s; its way tells %.2f s, so that the arm was not as fast as it was to be" % (how, by_way))}
+    return {"link_loss_stops": Fact(True, how), "link_loss_notice": Fact(round(max(0.0, lasted - _LOSS_S), 2), how)}
+
+
 STEPS: Tuple[MoveStep, ...] = (
     MoveStep("moves joint 6 by 2 deg at 2 deg/s: when does it begin, when is inpos true?", ("start_delay", "inpos"),
          _first_move),
@@ -184,10 +283,12 @@ STEPS: Tuple[MoveStep, ...] = (
              (), _profile),
     MoveStep("moves it by 2.5 deg at 3 deg/s and stops it after 0.8 deg by stop_program: how long does that take?",
          ("stop_ends_move", "stop_time", "stop_distance", "stop_deceleration"), _stop_move),
+    MoveStep("moves it by 1.25 deg and on to 2.5 deg, and back, at 3 deg/s: does it stop between the two with tol?",
+             ("joint_blend",), _blend),
     MoveStep("jogs it at 1.5 deg/s and sends stop_program after 0.5 deg: does that end a jog?", ("stop_ends_jog",),
          _stop_jog),
-    MoveStep("jogs it at 1.5 deg/s and stops the jog of joint 1, then its own: which ends it?", ("jog_stop_ends",),
-         _jog_stop),
+    MoveStep("jogs it at 1.5 deg/s and stops the jog of joint 1, then its own: which ends it? Then another one, and "
+             "stops those of all joints", ("jog_stop_ends", "jog_stop_all"), _jog_stop),
     MoveStep("moves it by 2.5 deg at 2 deg/s and sends pause_program after 0.5 deg: does it pause?",
          ("pause_pauses_moves",), _pause),
     MoveStep("streams it in servo mode by 1.5 deg at 5 deg/s, with gaps, and ends without frames: what does it do?",
@@ -199,6 +300,9 @@ STEPS: Tuple[MoveStep, ...] = (
     MoveStep("enters and leaves servo mode without a motion: when is it off?", ("servo_leave_delay",), servo_off_time),
     MoveStep("streams it at 2 deg/s and sends stop_program in the middle of a frame: does that end the stream?",
          ("stop_ends_servo",), stop_servo),
+    MoveStep("moves it by 2.4 deg at 0.25 deg/s, having asked the controller to stop the arm %.1f s after the loss of "
+             "its client, and closes the connection: when does it stop?" % _LOSS_S,
+             ("link_loss_stops", "link_loss_notice"), _link_loss),
     PROGRAM,
     NOT_ENABLED,
 )

@@ -51,9 +51,9 @@ class Moving:
         """Return the position, rad, so many degrees from home, in the direction of zero."""
         return self.home + self.sign * deg_to_rad(degrees)
 
-    def move(self, degrees: float, speed: float, acceleration: float = ACCELERATION) -> float:
-        """Begin a move to so many degrees from home; return when it was accepted, monotonic s."""
-        self.arm.require(JointMove(self.arm.joints(self.place(degrees)), speed, acceleration))
+    def move(self, degrees: float, speed: float, acceleration: float = ACCELERATION, tolerance: float = 0.0) -> float:
+        """Begin, or queue, a move to so many degrees from home; return when it was accepted, monotonic s."""
+        self.arm.require(JointMove(self.arm.joints(self.place(degrees)), speed, acceleration, tolerance))
         return time.monotonic()
 
     def jog(self) -> None:

@@ -18,7 +18,7 @@ _WIDTH = 110
 _LARGEST = 1e12
 """Largest number in a fact: no quantity of an arm is larger."""
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
-              "move_acceleration": 0.1, "move_jerk_time": 0.05}
+              "link_loss_notice": 0.3, "move_acceleration": 0.1, "move_jerk_time": 0.05}
 """Differences that are chance: of times, s; of a length, as a share; of an acceleration, in times what was asked."""
 
 

@@ -130,6 +130,8 @@ STATEMENTS: Dict[str, Statement] = {
     "S35": Statement("a motion is refused with code 2 while the arm is not enabled", "I", "4.3", ("unready_code",),
                      _is("2")),
     "S36": Statement("`stop_program` stops a running program", "C", "5.4.4", ("stop_ends_program",), bool),
+    "S37": Statement("a controller can be asked to stop the motion of a client that is lost", "D", "5.13",
+                     ("link_loss_stops",), bool),
 }
 """All statements by id. An id is never used again for another statement."""
 

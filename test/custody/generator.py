@@ -219,7 +219,7 @@ LATER_CALLS: _Weighted = ((6.0, _point_stream),)
 LATER = 1_000_000
 """The first seed that draws ``LATER_CALLS`` and the reserve of streams: those that are run with every change never
 change themselves."""
-_LATER_DIMENSIONS = ("servo_queue", "stop_drops_frames", "move_acceleration", "move_jerk_time")
+_LATER_DIMENSIONS = ("servo_queue", "stop_drops_frames", "move_acceleration", "move_jerk_time", "joint_blend")
 
 
 # ---- what goes wrong ----

@@ -237,7 +237,8 @@ def test_each_dimension_of_motion_is_found_in_its_room_and_the_arm_is_where_it_w
     dialect = {"start_delay": 0.5, "inpos": "late", "stop_ends_jog": False, "stop_ends_servo": False,
                "jog_stop_ends": "its axis", "pause_pauses_moves": False, "servo_leave_delay": 0.08,
                "starvation": "repeat", "stop_drops_frames": False, "servo_queue": 0, "move_acceleration": 0.5,
-               "unready_code": "sdk", "stop_ends_program": False}
+               "unready_code": "sdk", "stop_ends_program": False,
+               "joint_blend": True, "link_loss_notice": 1.0}
     (tmp_path / "dialect.json").write_text(json.dumps(dialect))
     arm = controller("--dialect", str(tmp_path / "dialect.json"), "--firmware", "1.7.2")
     arm.operate("load_program", name="weld")
@@ -296,4 +297,4 @@ def test_without_the_arms_name_or_a_consent_nothing_moves(tmp_path, controller):
     assert terminal.end() == 1 and "that was not its name" in terminal.text and terminal.confirmed == 0
     again = ProbeOnTerminal(command(tmp_path / "again", arm.ports, "--stage", "move"), confirm=lambda done: "no")
     assert again.end() == 1 and "step 1 was not confirmed" in again.text
-    assert not set(arm.sent()) & (set(MOVES) - {"is_in_servomove"}) and arm.is_at_rest_throughout()
+    assert not set(arm.sent()) & (set(MOVES) - set(QUESTIONS)) and arm.is_at_rest_throughout()

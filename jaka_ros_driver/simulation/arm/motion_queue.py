@@ -33,6 +33,8 @@ class MotionQueue:
         jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
+        blends_joint_moves: A joint move that may pass its end is joined with the next one, where that goes on along the
+            same line with the same limits.
         jerk_seconds: How long the acceleration of moves and jogs builds up, s, where their jerk is limited.
         start_delay: From the acceptance of a motion by an arm at rest to its beginning, s.
         braking_share: Deceleration of stops and pauses, as a share of the strongest that the model allows.
@@ -42,6 +44,7 @@ class MotionQueue:
 
     def __init__(self, frames: ArmFrames) -> None:
         self.jerk_limited = True
+        self.blends_joint_moves = False
         self.jerk_seconds = JERK_TIME_S
         self.start_delay = 0.0
         self.braking_share = 1.0
@@ -85,7 +88,22 @@ class MotionQueue:
     def add_joint_route(self, route: JointRoute) -> None:
         """Queue a joint motion; raise TargetRejected while a jog runs, or where the queue is full."""
         self._check_room()
-        self._enter(_Entry(route))
+        if not self.blends_joint_moves or not self._is_joined(route):
+            self._enter(_Entry(route))
+
+    def _is_joined(self, route: JointRoute) -> bool:
+        """Join a joint motion to the last motion; return False where that is not possible."""
+        if self._waiting:
+            last = self._waiting[-1].route
+            longer = last.joined(route, 0.0) if isinstance(last, JointRoute) and self._waiting[-1].jog is None else None
+            if longer is not None:
+                self._waiting[-1] = _Entry(longer)
+            return longer is not None
+        running = self._running
+        if running is None or running.is_ending or self._running_jog is not None:
+            return False
+        longer = running.route.joined(route, running.way) if isinstance(running.route, JointRoute) else None
+        return longer is not None and running.take_limits_of(longer)
 
     def add_leg(self, leg: Leg, start_joints: Vector) -> None:
         """Queue a Cartesian motion; the corner before it is rounded where tolerance and the way left allow it.

@@ -178,17 +178,18 @@ class Plant:
     # line_id is the ``executing_line_id`` of the wire.
 
     def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
-                       relative: bool = False, line_id: int = 0) -> bool:
+                       relative: bool = False, line_id: int = 0, tolerance: float = 0.0) -> bool:
         """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
 
         target, rad (6,): increments on the end of the queue where relative. speed, rad/s, and acceleration, rad/s2: of
-        the joint with the longest way, cut to what every joint can do.
+        the joint with the longest way, cut to what every joint can do. tolerance, m: above 0 the target may be passed
+        on the way to the next move's, see ``MotionQueue.blends_joint_moves``.
         """
         self._check_planned_mode()
         start = self._queue_end()
         values = finite_six("target", target)
         end = tuple(a + b for a, b in zip(start, values)) if relative else values
-        return self._queue_joint_motion(start, end, speed, acceleration, line_id)
+        return self._queue_joint_motion(start, end, speed, acceleration, line_id, tolerance > 0.0)
 
     def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, line_id: int = 0) -> bool:
         """Queue a joint motion to a pose in the user frame (docs/controller-protocol.md section 5.3); speed rad/s."""
@@ -479,7 +480,7 @@ class Plant:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode or hand guiding")
 
     def _queue_joint_motion(self, start: Vector, end: Vector, speed: float, acceleration: Optional[float],
-                            line_id: int) -> bool:
+                            line_id: int, may_pass_end: bool = False) -> bool:
         top = positive("speed", speed, 0.0)
         strongest = self.acceleration_share * positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
         outside = self._frames.joint_outside(end)
@@ -491,7 +492,8 @@ class Plant:
         tool_top = self._frames.model.tcp_max_speed
         if tool_top is not None:
             top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
-        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id))
+        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id,
+                                                  may_pass_end))
         return self._accepted()
 
     def _accepted(self) -> bool:

@@ -3,6 +3,7 @@
 The parameter of a route grows from 0 to ``length``: rad of the joint with the longest way for joint motion,
 metre-equivalents (see ``legs``) for Cartesian motion.
 """
+import copy
 import itertools
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
@@ -114,16 +115,17 @@ class Route:
 
 
 class JointRoute(Route):
-    """A straight line in joint space: all joints begin and end together."""
+    """A straight line in joint space, of one move or several: all joints begin and end together."""
 
     def __init__(self, model: ArmModel, start: Vector, end: Vector, speed: float, acceleration: float,
-                 line_id: int = 0) -> None:
-        """Set up the route.
+                 line_id: int = 0, may_pass_end: bool = False) -> None:
+        """Set up the route of one move.
 
         speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do.
+        may_pass_end: ``joined`` may lengthen it.
         """
         super().__init__()
-        self.start_joints, self.end_joints, self._line_id = start, end, line_id
+        self.start_joints, self.end_joints, self._may_pass_end = start, end, may_pass_end
         ways = [b - a for a, b in zip(start, end)]
         self.length = max(abs(way) for way in ways)
         self._rates = tuple(way / self.length for way in ways)
@@ -134,6 +136,25 @@ class JointRoute(Route):
                 top = min(top, joint_speed / abs(rate))
                 strongest = min(strongest, joint_acceleration / abs(rate))
         self._set_stretches([PathStretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
+        self._moves: Tuple[Tuple[float, int], ...] = ((self.length, line_id),)  # where each ends, and its line id
+
+    def joined(self, following: "JointRoute", way: float) -> Optional["JointRoute"]:
+        """Return this route and the following one as one, without a stop between them, while the arm is at ``way``.
+
+        None where this one must end at rest, or the following one leads elsewhere or has other limits.
+        """
+        (mine,), (others,) = self._stretches, following._stretches
+        is_alike = all(math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9) for a, b in zip(
+            (*self._rates, *mine[1:]), (*following._rates, *others[1:])))
+        if not self._may_pass_end or not is_alike:
+            return None
+        route = copy.copy(self)
+        route.length, route.end_joints = self.length + following.length, following.end_joints
+        route._may_pass_end = following._may_pass_end
+        route._moves = (*(move for move in self._moves if move[0] > way),
+                        *((self.length + end, line_id) for end, line_id in following._moves))
+        route._set_stretches([mine._replace(way=route.length)])
+        return route
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
         if way >= self.length:
@@ -141,10 +162,10 @@ class JointRoute(Route):
         return tuple([a + way * rate for a, rate in zip(self.start_joints, self._rates)])
 
     def line_id_at(self, way: float) -> int:
-        return self._line_id
+        return next((line_id for end, line_id in self._moves if way < end), self._moves[-1][1])
 
     def moves_left(self, way: float) -> int:
-        return 1
+        return max(1, sum(way < end for end, _ in self._moves))
 
 
 class _Piece(NamedTuple):

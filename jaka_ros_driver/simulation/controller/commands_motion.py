@@ -49,10 +49,10 @@ def _line(arguments: Arguments) -> int:
 
 
 def _joint_move(state: ControllerState, arguments: Arguments) -> bool:
-    arguments.number("tol", 0.0)
+    tolerance = mm_to_m(arguments.number("tol", 0.0))
     return state.plant.add_joint_move(
         all_deg_to_rad(arguments.vector("jointPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
-        _optional_rate(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments))
+        _optional_rate(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments), tolerance)
 
 
 def _end_move(state: ControllerState, arguments: Arguments) -> bool:

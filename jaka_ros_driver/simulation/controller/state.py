@@ -106,6 +106,7 @@ class ControllerState:
         self.plant.servo_leave_delay = dialect.servo_leave_delay
         self.plant.max_waiting, self.plant.drops_points = dialect.servo_queue, dialect.stop_drops_frames
         self.plant.queue.start_delay = dialect.start_delay
+        self.plant.queue.blends_joint_moves = dialect.joint_blend
         self.plant.acceleration_share, self.plant.queue.jerk_seconds = dialect.move_acceleration, dialect.move_jerk_time
         self.plant.queue.braking_share = options.braking_share
         self.io = IoBanks(firmware)

@@ -89,6 +89,10 @@ class Dialect:
     move_jerk_time: float = _range("how long the acceleration of moves and jogs builds up, where the simulation has "
                                    "ruckig", "an S-curve exists [D HDR]; its jerk is not known [I]: 5.4.3",
                                    0.0, 0.2, "s", 0.05)
+    joint_blend: bool = _flag(
+        "`tol` of a `joint_move` is kept: the arm passes its target without a stop where the next one, which came in "
+        "time, goes on along the same line at the same speed and acceleration",
+        "the SDK sends it [O]; no source documents it on the wire: 5.2", False)
     inpos: str = _choice(
         "`inpos` is true at rest; already while the arm moves (early); 2 s after it rests (late); never",
         "early: may be since 1.5.13.8, 1.7.0.45, 1.7.1.7 [D], in which cases is not known; exact: clients end moves by "

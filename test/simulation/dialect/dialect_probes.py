@@ -128,6 +128,21 @@ def move_takes(dialect):
     return wire.time_until(lambda: not wire.is_moving())
 
 
+def joint_blend(dialect):
+    """Return how long two moves take: alike with a tolerance, without one, there and back, and the second slower."""
+    took = []
+    for tolerance, target, speed in ((5.0, 20.0, 20.0), (0.0, 20.0, 20.0), (5.0, 5.0, 20.0), (5.0, 20.0, 10.0)):
+        wire = Wire(dialect)
+        for place, rate, line in ((10.0, 20.0, 7), (target, speed, 8)):
+            assert wire.ask("joint_move", jointPosition=[place, *HOME[1:]], speed=rate, accel=40.0, tol=tolerance,
+                            executing_line_id=line)["errorCode"] == "0"
+        wire.step(0.2)
+        assert [wire.ask("get_motion_state")[key] for key in ("queue", "motion_line")] == [2, 7]
+        took.append(wire.time_until(lambda: not wire.is_moving() and wire.frame()["inpos"]))  # noqa: B023
+        assert abs(wire.joint() - target) < 1e-3 and wire.ask("get_motion_state")["motion_line"] == 8
+    return took
+
+
 def inpos(dialect):
     wire = Wire(dialect)
     wire.move()
@@ -352,6 +367,7 @@ PROBES = {
     "start_delay": start_delay,
     "move_acceleration": move_takes,
     "move_jerk_time": move_takes,
+    "joint_blend": joint_blend,
     "inpos": inpos,
     "stop_ends_jog": stop_ends_jog,
     "stop_ends_servo": stop_ends_servo,

@@ -8,6 +8,7 @@ from good_requests import GOOD
 from raw_client import RawFeed
 
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Start
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range
@@ -27,6 +28,26 @@ def test_each_value_of_a_dimension_shows_on_the_wire(name):
     assert PROBES[name](usual.replaced({name: DIMENSIONS[name].samples()[0]})) == seen[0], "it differs by itself"
     for number, one in enumerate(seen):
         assert one not in seen[:number], "%r and an earlier value look alike" % (DIMENSIONS[name].samples()[number],)
+
+
+def test_only_moves_with_a_tolerance_on_one_line_at_one_speed_are_run_through():
+    stops, blends = (PROBES["joint_blend"](Dialect.default("1.5.14").replaced({"joint_blend": value}))
+                     for value in (False, True))
+    assert blends[0] < stops[0] - 0.3 and blends[1:] == stops[1:]
+
+
+@pytest.mark.parametrize("at", [0.02, 0.4, 0.9, 1.2])
+def test_a_move_that_comes_while_the_first_runs_is_joined_where_it_comes_in_time(at):
+    wire = Wire(Dialect.default("1.5.14").replaced({"joint_blend": True}))
+    path = [wire.joint()]
+    for target, wait in ((10.0, at), (20.0, 3.0)):
+        wire.ask("joint_move", jointPosition=[target, 90, -90, 90, 90, 0], speed=20.0, accel=40.0, tol=1.0)
+        for _ in range(round(wait / CYCLE_TIME_S)):
+            wire.step()
+            path.append(wire.joint())
+    steps = [b - a for a, b in zip(path, path[1:])]
+    assert path[-1] == pytest.approx(20.0, abs=1e-3) and min(steps) > -1e-9 and max(steps) < 20.0 * 0.008 + 1e-3
+    assert max(abs(b - a) for a, b in zip(steps, steps[1:])) < 1.1 * 40.0 * 0.008 ** 2 + 2e-4
 
 
 def test_the_feed_is_sent_no_faster_than_the_dialect_allows():
