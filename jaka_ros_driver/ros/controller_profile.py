@@ -19,6 +19,7 @@ class ControllerProfile(NamedTuple):
         jog_stop_ends: "any" or "its axis": whose jog the stop of a jog ends.
         feed_period: Period of the feed before a client has set one, s.
         missing_commands: Commands that the controller does not know, of those that were sent.
+        link_loss_stops: True where it stops a move whose client is lost, having been asked to.
     """
 
     path: str
@@ -28,6 +29,7 @@ class ControllerProfile(NamedTuple):
     jog_stop_ends: Optional[str] = None
     feed_period: Optional[float] = None
     missing_commands: Optional[Tuple[str, ...]] = None
+    link_loss_stops: Optional[bool] = None
 
 
 class _Field(NamedTuple):
@@ -47,6 +49,7 @@ _FIELDS: Dict[str, _Field] = {
                           "0.0005 to 60 s"),
     "missing_commands": _Field("commands_missing", lambda value: type(value) is list and all(
         type(name) is str for name in value), "a list of names"),
+    "link_loss_stops": _Field("link_loss_stops", lambda value: type(value) is bool, "true or false"),
 }
 
 
@@ -106,7 +109,9 @@ def knowledge(profile: Optional[ControllerProfile], io_index_base: int, is_base_
         jog += "; the stop of an axis ends the jog of %s" % seen.jog_stop_ends
     lost = "not asked for" if not link_loss_stop else (
         "seen on this controller: it does not know the command" if _LINK_LOSS_COMMAND in (seen.missing_commands or ())
-        else "assumed: the controller stops the arm %g s after it has noticed the loss" % link_loss_stop)
+        else "seen on this controller: it does not stop the arm" if seen.link_loss_stops is False
+        else "%s: the controller stops the arm %g s after it has noticed the loss" % (
+            "seen on this controller, of a closed connection" if seen.link_loss_stops else "assumed", link_loss_stop))
     period = "assumed: it follows what was asked for" if told_period is None else "known: told by the controller"
     if seen.feed_period is not None:
         period += "; %g ms before a client has set one, seen on this controller" % (1000.0 * seen.feed_period)

@@ -56,6 +56,17 @@ def test_a_file_that_is_no_report_is_refused(tmp_path, text, reason):
             config_from({"controller_profile": wrong})
 
 
+@pytest.mark.parametrize("stops, told", [
+    (True, "seen on this controller, of a closed connection: the controller stops the arm 0.3 s after"),
+    (False, "seen on this controller: it does not stop the arm"),
+    (None, "assumed: the controller stops the arm 0.3 s")])
+def test_whether_a_lost_client_stops_the_arm_is_told(report, stops, told):
+    profile = profile_from(report(link_loss_stops=stops))
+    assert dict(knowledge(profile, 0, False, 0.3, None))["loss of the link"].startswith(told)
+    with pytest.raises(ValueError, match="link_loss_stops is 1; valid: true or false"):
+        profile_from(report(link_loss_stops=1))
+
+
 def test_what_is_known_and_what_is_assumed_is_told():
     assumed = dict(knowledge(None, 1, False, 0.3, None))
     assert assumed["first terminal"] == "1, assumed, by its version"
