@@ -49,6 +49,7 @@ _GLANCE_S = 0.01
 """Time, s, of a look at frames while a person is asked: longer than one cycle (8 ms)."""
 _HIGHEST_OUTPUT = 15
 _LONGEST_NAME = 200
+"""Longest name of a program, characters: one line of the report holds it."""
 REPORT, TEXT, PAGE, DIALECT, WIRE = "probe.json", "probe.txt", "probe.html", "dialect.json", "wire.mcap"
 _FILES = (REPORT, TEXT, PAGE, DIALECT, WIRE)
 _EPILOG = """\

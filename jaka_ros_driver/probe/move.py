@@ -53,6 +53,7 @@ _LONGEST_TURN = deg_to_rad(300.0)
 _LARGEST_SWING_M = 0.02
 """Largest way, m, on which the tool's tip is swung by joint 6: ``ROOM_RAD`` and ``ROOM_M`` count on it."""
 _LATE_INPOS_S = 3.3
+"""Time, s, for which ``inpos`` is waited for after rest: it counts as late up to 2.8 s, as never beyond."""
 _LOSS_SPEED, _LOSS_WATCHED_S, _LOSS_UNSURE_S = deg_to_rad(0.25), 12.0, 0.3
 """Speed, rad/s, of the move whose client is lost, which ends by itself in the room; for how long it is watched, s; the
 largest difference, s, of its time from what its way tells.
