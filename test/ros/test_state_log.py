@@ -19,6 +19,8 @@ from waiting import eventually
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.driver_interface import INPUT_TOPICS
+from jaka_bag.live.names import NodeNames
+from jaka_bag.live.topic_selection import state_log_topics
 from jaka_regression.driver_inputs import SentMessage, input_topics, inputs_of
 from jaka_regression.log_beginning import with_beginning
 from jaka_regression.replay import replay
@@ -87,6 +89,17 @@ def test_the_list_of_inputs_has_every_topic_that_the_running_driver_listens_to(a
     known = {topic: kind for topic in taken for name, kind in INPUT_TOPICS.items() if topic.endswith("/" + name)}
     assert {topic: types[topic] for topic in taken if types.get(topic, "*") != "*"} == {
         topic: kind for topic, kind in known.items() if types.get(topic, "*") != "*"}
+
+
+def test_the_fixed_names_of_a_state_log_are_those_of_the_running_driver(arm):
+    """Check the list from which a recorder begins: what it lacks is only found later, and loses its first messages."""
+    published, taken = graph()
+    own = {topic for topic in published | taken if topic.startswith(DRIVER + "/")}
+    of_actions = {topic for topic in own if topic.endswith(("/feedback", "/result", "/status"))}
+    listed = set(state_log_topics(NodeNames("/jaka_bag_record")))
+    assert own - of_actions <= listed
+    assert {topic for topic in taken if topic in listed} >= {DRIVER + "/" + name for name in (
+        "jog_joints", "jog_twist", "servo_j_command", "servo_p_command", "move_path/goal", "recover/cancel")}
 
 
 def stand_at(arm, joints):
