@@ -1,132 +1,46 @@
-"""Single steps of the stage of jaka_probe that moves, on simulated controllers of each value of their dimensions."""
-import bisect
-import contextlib
-import functools
-import json
+"""Single steps of the stage of jaka_probe that moves, on simulated controllers of each value of their dimensions.
+
+All in virtual time: a whole run on a terminal, over sockets, with the processes and signals, is in test_move.py.
+"""
 import math
 import signal
-import time
-from types import SimpleNamespace
 
 import pytest
-from probe_bench import Controller, wrong
-from wire_verdict import WireVerdict
+from probe_bench import wrong
+from virtual_probe import StepBench
 
-from jaka_ros_driver.client.guard import GuardHealth
-from jaka_ros_driver.probe import move as stage
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.facts import Fact
-from jaka_ros_driver.probe.look import HeardFeed, listen
-from jaka_ros_driver.probe.motion import MotionEnded, Mover, Seen
-from jaka_ros_driver.probe.move import blend_fact, dwell, loss_facts
+from jaka_ros_driver.probe.motion import Mover, Seen
+from jaka_ros_driver.probe.move import STEPS, blend_fact, dwell, loss_facts
 from jaka_ros_driver.probe.moving import AXIS
 from jaka_ros_driver.probe.pendant_steps import NOT_ENABLED, PROGRAM, program_fact, unready_fact
-from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.probe.servo_steps import AHEAD, ahead_fact
-from jaka_ros_driver.probe.set_same import SetBack, StageEnded
+from jaka_ros_driver.probe.set_same import StageEnded
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.replies import CommandRefused
-from jaka_ros_driver.simulation.controller.state import ControllerState
-from jaka_ros_driver.simulation.dialect.table import Dialect
-from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.simulation.controller.state import ControllerState, LinkLoss
 from jaka_ros_driver.state import ProgramState
-from jaka_ros_driver.wire.log import read_log
-
-GUARD = SimpleNamespace(beat=lambda now: None, health=lambda: GuardHealth(True, 0, ""), notify=lambda moves: None)
 
 
-class BusyHost(Exception):
-    """The end of a step because this process, or the simulated controller, did not run for a while."""
+def requests(bench, name):
+    """Return the requests of this name that the controller was sent, in order."""
+    return [request for request in bench.requests if request["cmdName"] == name]
 
 
-def again_where_the_host_is_busy(test):
-    @functools.wraps(test)
-    def again(*arguments, **named):
-        for _ in range(3):
-            with contextlib.suppress(BusyHost):
-                return test(*arguments, **named)
-        return test(*arguments, **named)
-    return again
-
-
-class Bench:
-    """A simulated controller, and a person beside it who does what is asked for.
-
-    is_here: It runs in this process, so that a test can change it; else in one of its own, with a higher priority.
-    """
-
-    def __init__(self, folder, answers=lambda question: "y", is_here=False, **dialect):
-        self._answers = answers
-        self.dialect = Dialect.default("1.7.2").replaced(dialect)
-        if is_here:
-            self.log = folder / ("%d.mcap" % time.monotonic_ns())
-            self.arm = SimulatedController(start="enabled", firmware="1.7.2", log=str(self.log), dialect=self.dialect)
-            self.ports = {name: getattr(self.arm, name) for name in ("command_port", "status_port")}
-            self.arm.start()
-        else:
-            (folder / "dialect.json").write_text(json.dumps(dialect))
-            self.arm = Controller(folder, "--dialect", str(folder / "dialect.json"), "--firmware", "1.7.2")
-            self.log, self.ports = self.arm.log, self.arm.ports
-        self.back, self.facts, self.told = SetBack(), {}, []
-
-    def ask(self, question, meanwhile=lambda: None):
-        self.told.append(question)
-        answer = self._answers(question)
-        for _ in range(20):
-            meanwhile()
-        return answer
-
-    def run(self, monkeypatch, *steps, **named):
-        """Run steps as the stage does; return the facts."""
-        monkeypatch.setattr(stage, "STEPS", steps)
-        record = ConnectionLog("127.0.0.1")
-        with contextlib.closing(self.arm), contextlib.closing(record):
-            feed = HeardFeed(record.connect("status", self.ports["status_port"]))
-            listen([feed], feed.connection.opened_ns * 1e-9 + 0.5)
-            mover = Mover(record, self.ports["command_port"], feed, GUARD, AXIS, self.told.append, self.back)
-            with contextlib.closing(mover):
-                try:
-                    stage.move(mover, self.facts, {}, self, self.told.append, **named)
-                except (MotionEnded, StageEnded) as ended:
-                    if str(ended) in self.back.left and isinstance(ended, StageEnded):
-                        raise
-                    raise BusyHost(ended) from ended
-        self.judge()
-        told = " ".join(fact.how for fact in self.facts.values())
-        if any(words in told for words in ("no frame came", "held up", "not as fast")):
-            raise BusyHost(told)
-        return self.facts
-
-    def judge(self):
-        """Note how far from its start and how fast the joint was, by the log of the arm itself: deg, deg/s in 0.1 s."""
-        path = [(at, math.degrees(joints[AXIS])) for at, joints in WireVerdict(self.log).joints()]
-        times = [at for at, _ in path]
-        self.furthest = max(abs(place - path[0][1]) for _, place in path)
-        later = [bisect.bisect_left(times, at + 0.1) for at in times]
-        self.fastest = max(abs(path[there][1] - path[here][1]) / (times[there] - times[here])
-                           for here, there in enumerate(later) if there < len(path))
-
-
-def sent(log):
-    """Return what the controller was sent on its command port."""
-    return b"".join(event.data for event in read_log(str(log))
-                    if getattr(event, "port", "") == "command" and event.what == "in")
-
-
-AHEAD_STEP, PROFILE_STEP, BLEND_STEP = stage.STEPS[8], stage.STEPS[1], stage.STEPS[3]
+AHEAD_STEP, PROFILE_STEP, BLEND_STEP = STEPS[8], STEPS[1], STEPS[3]
 
 
 @pytest.mark.parametrize("blends", [True, False])
 @pytest.mark.parametrize("others", [{"move_acceleration": 4.0, "feed_period": 0.1},
                                     {"move_acceleration": 0.5, "start_delay": 1.0, "move_jerk_time": 0.2}])
-@again_where_the_host_is_busy
-def test_whether_the_tolerance_of_a_joint_move_is_kept(tmp_path, monkeypatch, blends, others):
-    bench = Bench(tmp_path, joint_blend=blends, **others)
-    facts = bench.run(monkeypatch, PROFILE_STEP, BLEND_STEP)
+def test_whether_the_tolerance_of_a_joint_move_is_kept(blends, others):
+    bench = StepBench(joint_blend=blends, **others)
+    facts = bench.run(PROFILE_STEP, BLEND_STEP)
     assert facts["joint_blend"].value is blends, facts["joint_blend"]
     assert not wrong({"joint_blend": facts["joint_blend"]}, bench.dialect)
     assert wrong({"joint_blend": Fact(not blends, "")}, bench.dialect), "a wrong fact must be noticed"
-    assert bench.furthest < 3.0 and bench.fastest < 3.5
+    assert bench.furthest == pytest.approx(2.5) and bench.fastest < 3.001
 
 
 @pytest.mark.parametrize("passing, kept, without, told", [
@@ -145,15 +59,14 @@ def test_the_time_at_the_junction_of_a_curve(curve, told):
 
 @pytest.mark.parametrize("waiting, starvation", [
     (0, "repeat"), (1, "repeat"), (4, "fault"), (4, "coast"), (49, "hold")])
-@again_where_the_host_is_busy
-def test_how_many_frames_wait_whatever_an_arm_does_without_them(tmp_path, monkeypatch, waiting, starvation):
-    bench = Bench(tmp_path, servo_queue=waiting, starvation=starvation)
+def test_how_many_frames_wait_whatever_an_arm_does_without_them(waiting, starvation):
+    bench = StepBench(servo_queue=waiting, starvation=starvation)
     bench.facts["starvation"] = Fact(starvation, "as an earlier step found it")
-    facts = bench.run(monkeypatch, AHEAD_STEP)
+    facts = bench.run(AHEAD_STEP)
     assert facts["servo_queue"].value == waiting, facts["servo_queue"]
     assert not wrong(facts, bench.dialect)
     assert wrong({"servo_queue": Fact(4 if waiting != 4 else 1, "")}, bench.dialect), "a wrong fact must be noticed"
-    assert bench.furthest < 3.0 and bench.fastest < 7.0
+    assert bench.furthest < 1.5 and bench.fastest < 2.001
 
 
 @pytest.mark.parametrize("moving, holding, told", [
@@ -170,44 +83,40 @@ def test_more_frames_than_were_sent_may_wait():
     assert report.dialect_of({"servo_queue": Fact(14, "")})["servo_queue"] == 4
 
 
-JOG_STOP_STEP, LOSS_STEP = stage.STEPS[5], stage.STEPS[12]
+JOG_STOP_STEP, LOSS_STEP = STEPS[5], STEPS[12]
 
 
 @pytest.mark.parametrize("notice, second_client", [(0.0, "refused"), (2.5, "coexists"), (5.0, "replaces")])
-@again_where_the_host_is_busy
-def test_when_a_controller_notices_that_its_client_is_lost(tmp_path, monkeypatch, notice, second_client):
-    bench = Bench(tmp_path, link_loss_notice=notice, second_client=second_client)
-    facts = bench.run(monkeypatch, LOSS_STEP)
-    assert facts["link_loss_notice"].value == pytest.approx(notice, abs=0.3) and facts["link_loss_stops"].value is True
+def test_when_a_controller_notices_that_its_client_is_lost(notice, second_client):
+    bench = StepBench(link_loss_notice=notice, second_client=second_client)
+    facts = bench.run(LOSS_STEP)
+    assert facts["link_loss_notice"].value == pytest.approx(notice, abs=0.02) and facts["link_loss_stops"].value is True
     assert not wrong(facts, bench.dialect)
     assert wrong({"link_loss_notice": Fact(notice + 0.5 if notice < 5.0 else 4.0, "")}, bench.dialect)
-    assert bench.furthest < 2.5 and bench.fastest < 2.5 and not bench.back.left
-    times = WireVerdict(bench.log).times_of("set_network_exception_handle")
-    assert len(times) == 2 and WireVerdict(bench.log).times_of("set_network_exception_handle", times[1], motType=0)
+    assert bench.furthest == pytest.approx(0.1 + 0.25 * (notice + 0.5), abs=0.01) and bench.fastest < 2.001
+    assert not bench.back.left and bench.controller.state.link_loss is LinkLoss.KEEP
+    assert [setting["motType"] for setting in requests(bench, "set_network_exception_handle")] == [LinkLoss.ABORT, 0]
 
 
-@again_where_the_host_is_busy
-def test_a_move_that_a_loss_does_not_stop_ends_in_the_room(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, is_here=True)
-    monkeypatch.setattr(bench.arm.server.controller.state, "client_lost", lambda: None)
-    facts = bench.run(monkeypatch, LOSS_STEP)
+def test_a_move_that_a_loss_does_not_stop_ends_in_the_room(monkeypatch):
+    bench = StepBench()
+    monkeypatch.setattr(bench.controller.state, "client_lost", lambda: None)
+    facts = bench.run(LOSS_STEP)
     assert facts["link_loss_stops"].value is False and facts["link_loss_notice"].value is None, facts
-    assert 2.39 < bench.furthest < 2.41 and not bench.back.left
+    assert bench.furthest == pytest.approx(2.4) and not bench.back.left
 
 
-@again_where_the_host_is_busy
-def test_a_controller_that_does_not_know_of_the_loss_of_a_client_is_not_moved(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, missing_commands=["set_network_exception_handle"])
+def test_a_controller_that_does_not_know_of_the_loss_of_a_client_is_not_moved():
+    bench = StepBench(missing_commands=["set_network_exception_handle"])
     bench.facts["commands_missing"] = Fact(["wait_complete"], "")
-    facts = bench.run(monkeypatch, LOSS_STEP)
+    facts = bench.run(LOSS_STEP)
     assert facts["link_loss_notice"].value is None and "refused with code 1" in facts["link_loss_notice"].how
     assert facts["commands_missing"].value == ["set_network_exception_handle", "wait_complete"]
     assert bench.furthest == 0.0
 
 
-@again_where_the_host_is_busy
-def test_a_setting_that_cannot_be_put_back_is_said(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, is_here=True)
+def test_a_setting_that_cannot_be_put_back_is_said(monkeypatch):
+    bench = StepBench()
     command = COMMANDS["set_network_exception_handle"]
 
     def handler(state, arguments):
@@ -215,14 +124,13 @@ def test_a_setting_that_cannot_be_put_back_is_said(tmp_path, monkeypatch):
             raise CommandRefused()
         return command.handler(state, arguments)
     monkeypatch.setitem(COMMANDS, "set_network_exception_handle", command._replace(handler=handler))
-    facts = bench.run(monkeypatch, LOSS_STEP)
+    facts = bench.run(LOSS_STEP)
     assert facts["link_loss_stops"].value is True
     assert len(bench.back.left) == 1 and "set_network_exception_handle was not put back" in bench.back.left[0]
 
 
-@again_where_the_host_is_busy
-def test_ctrl_c_after_the_loss_stops_the_arm_and_puts_the_setting_back(tmp_path, monkeypatch, ctrl_c):
-    bench = Bench(tmp_path, link_loss_notice=5.0)
+def test_ctrl_c_after_the_loss_stops_the_arm_and_puts_the_setting_back(monkeypatch, ctrl_c):
+    bench = StepBench(link_loss_notice=5.0)
     hang_up, came = Mover.hang_up, []
 
     def interrupted(mover):
@@ -233,11 +141,10 @@ def test_ctrl_c_after_the_loss_stops_the_arm_and_puts_the_setting_back(tmp_path,
             signal.raise_signal(signal.SIGINT)
     monkeypatch.setattr(Mover, "hang_up", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        bench.run(monkeypatch, LOSS_STEP)
-    bench.judge()
-    assert bench.furthest < 0.6 and not bench.back.left
-    verdict = WireVerdict(bench.log)
-    assert verdict.times_of("set_network_exception_handle", motType=0) and verdict.times_of("stop_program")
+        bench.run(LOSS_STEP)
+    assert 0.1 < bench.furthest < 0.12 and not bench.back.left
+    assert bench.controller.state.link_loss is LinkLoss.KEEP
+    assert requests(bench, "set_network_exception_handle")[-1]["motType"] == 0 and requests(bench, "stop_program")
 
 
 @pytest.mark.parametrize("pieces, told, notice", [
@@ -257,21 +164,18 @@ def test_what_the_frames_after_a_loss_tell(pieces, told, notice):
 
 
 @pytest.mark.parametrize("ends", ["any", "its axis"])
-@again_where_the_host_is_busy
-def test_the_stops_of_all_joints_end_a_jog_whichever_its_own_does(tmp_path, monkeypatch, ends):
-    bench = Bench(tmp_path, jog_stop_ends=ends)
-    facts = bench.run(monkeypatch, JOG_STOP_STEP)
+def test_the_stops_of_all_joints_end_a_jog_whichever_its_own_does(ends):
+    bench = StepBench(jog_stop_ends=ends)
+    facts = bench.run(JOG_STOP_STEP)
     assert facts["jog_stop_ends"].value == ends and facts["jog_stop_all"].value is True, facts
     assert wrong({"jog_stop_ends": Fact("its axis" if ends == "any" else "any", "")}, bench.dialect)
-    jogs = [request["jnum"] for _, request in WireVerdict(bench.log).received()
-            if request["cmdName"] == "jog" and request["jog_mode"] == 0]
+    jogs = [request["jnum"] for request in requests(bench, "jog") if request["jog_mode"] == 0]
     assert any(jogs[place:place + 6] == list(range(6)) for place in range(len(jogs)))
-    assert bench.furthest < 3.0
+    assert bench.furthest < 1.5 and bench.fastest < 2.001
 
 
-@again_where_the_host_is_busy
-def test_a_jog_that_goes_on_after_the_stops_of_all_joints_is_told(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, is_here=True, jog_stop_ends="its axis")
+def test_a_jog_that_goes_on_after_the_stops_of_all_joints_is_told(monkeypatch):
+    bench = StepBench(jog_stop_ends="its axis")
     stops = []
     stop_jog = ControllerState.stop_jog
 
@@ -280,20 +184,19 @@ def test_a_jog_that_goes_on_after_the_stops_of_all_joints_is_told(tmp_path, monk
         if stops.count(5) != 2:
             stop_jog(state, frame, axis)
     monkeypatch.setattr(ControllerState, "stop_jog", deaf)
-    facts = bench.run(monkeypatch, JOG_STOP_STEP)
+    facts = bench.run(JOG_STOP_STEP)
     assert facts["jog_stop_all"].value is False, (facts, stops)
 
 
 @pytest.mark.parametrize("ends", [True, False])
-@again_where_the_host_is_busy
-def test_whether_stop_program_ends_a_program(tmp_path, monkeypatch, ends):
+def test_whether_stop_program_ends_a_program(ends):
     def answers(question):
         if "End it at the pendant" in question:
-            bench.arm.operate("end_program")
+            bench.controller.state.stop()
         return "y"
-    bench = Bench(tmp_path, answers, stop_ends_program=ends)
-    bench.arm.operate("load_program", name="weld.jks")
-    facts = bench.run(monkeypatch, PROGRAM, program="weld")
+    bench = StepBench(answers, stop_ends_program=ends)
+    bench.controller.state.memory.program_name = "weld.jks"
+    facts = bench.run(PROGRAM, program="weld")
     assert facts["stop_ends_program"].value is ends, facts
     assert not wrong(facts, bench.dialect)
     assert wrong({"stop_ends_program": Fact(not ends, "")}, bench.dialect), "a wrong fact must be noticed"
@@ -301,36 +204,33 @@ def test_whether_stop_program_ends_a_program(tmp_path, monkeypatch, ends):
     assert not bench.back.left
 
 
-@again_where_the_host_is_busy
-def test_a_program_that_nobody_ends_is_said_first_and_ends_the_stage(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, stop_ends_program=False)
-    bench.arm.operate("load_program", name="weld")
+def test_a_program_that_nobody_ends_is_said_first_and_ends_the_stage():
+    bench = StepBench(stop_ends_program=False)
+    bench.controller.state.memory.program_name = "weld"
     with pytest.raises(StageEnded, match="may run on"):
-        bench.run(monkeypatch, PROGRAM, NOT_ENABLED, program="weld")
+        bench.run(PROGRAM, NOT_ENABLED, program="weld")
     assert bench.facts["stop_ends_program"].value is False and "unready_code" not in bench.facts
     assert len(bench.back.left) == 1 and "may run on: end it at the pendant" in bench.back.left[0]
 
 
 @pytest.mark.parametrize("named, is_played", [("", False), ("paint", False), ("weld", True), ("weld.jks", True)])
-@again_where_the_host_is_busy
-def test_only_the_program_that_is_named_and_loaded_is_played(tmp_path, monkeypatch, named, is_played):
-    bench = Bench(tmp_path)
-    bench.arm.operate("load_program", name="weld")
-    facts = bench.run(monkeypatch, PROGRAM, program=named)
+def test_only_the_program_that_is_named_and_loaded_is_played(named, is_played):
+    bench = StepBench()
+    bench.controller.state.memory.program_name = "weld"
+    facts = bench.run(PROGRAM, program=named)
     assert ("stop_ends_program" in facts) == bool(named)
     assert not named or (facts["stop_ends_program"].value is True) == is_played
-    assert (b"play_program" in sent(bench.log)) == is_played
+    assert bool(requests(bench, "play_program")) == is_played
 
 
-@again_where_the_host_is_busy
-def test_a_program_that_moves_the_arm_is_stopped_and_settles_nothing(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, is_here=True)
-    bench.arm.operate("load_program", name="weld")
-    state = bench.arm.server.controller.state
+def test_a_program_that_moves_the_arm_is_stopped_and_settles_nothing(monkeypatch):
+    bench = StepBench()
+    bench.controller.state.memory.program_name = "weld"
+    state = bench.controller.state
     monkeypatch.setitem(COMMANDS, "play_program", COMMANDS["play_program"]._replace(handler=lambda state, arguments: (
         setattr(state, "program_state", ProgramState.RUNNING),
         state.plant.add_joint_move((0.5, *state.plant.joint_position[1:]), 0.05))[2:]))
-    facts = bench.run(monkeypatch, PROGRAM, program="weld")
+    facts = bench.run(PROGRAM, program="weld")
     assert facts["stop_ends_program"] == (None, "the program moved the arm", ""), facts
     assert not state.plant.is_moving and abs(state.plant.joint_position[0]) < 0.005 and not bench.back.left
 
@@ -343,14 +243,13 @@ def test_what_the_state_of_a_program_tells_after_a_stop(state, told):
 
 @pytest.mark.parametrize("code", ["2", "sdk"])
 @pytest.mark.parametrize("is_disabled", [True, False])
-@again_where_the_host_is_busy
-def test_the_code_for_an_arm_that_is_not_enabled(tmp_path, monkeypatch, code, is_disabled):
+def test_the_code_for_an_arm_that_is_not_enabled(code, is_disabled):
     def answers(question):
         if is_disabled and "disable the arm at the pendant" in question:
-            bench.arm.operate("disable")
+            bench.controller.state.disable()
         return "y"
-    bench = Bench(tmp_path, answers, unready_code=code)
-    fact = bench.run(monkeypatch, NOT_ENABLED)["unready_code"]
+    bench = StepBench(answers, unready_code=code)
+    fact = bench.run(NOT_ENABLED)["unready_code"]
     assert fact.value == (code if is_disabled else None), fact
     assert is_disabled or fact.how == "the arm was enabled still"
     assert not is_disabled or wrong({"unready_code": Fact("sdk" if code == "2" else "2", "")}, bench.dialect)

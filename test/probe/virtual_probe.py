@@ -1,14 +1,16 @@
-"""The command jaka_probe beside a simulated controller in one process and in virtual time: what does each stage send?
+"""The command jaka_probe beside a simulated controller, in virtual time: what does each stage send, where is the arm?
 
-The stages run as the command runs them, each with its own code; their clock, their connections, the guard process and
-the person at the terminal are those of this file. A request takes 1 ms there and 1 ms back, and nothing else takes
-any time. Run as a program, this file prints how often each dimension of drawn controllers is found right:
+The stages run as the command runs them, each with its own code, and in one process with the controller; their clock,
+their connections, the guard process and the person at the terminal are those of this file. A request takes 1 ms there
+and 1 ms back, and nothing else takes any time. Run as a program, this file prints how often each dimension of drawn
+controllers is found right:
 
     PYTHONPATH=.:test/support:test/support/live build/venv/bin/python3 test/probe/virtual_probe.py [CONTROLLERS]
 """
 import contextlib
 import io
 import itertools
+import math
 import re
 import sys
 from types import SimpleNamespace
@@ -18,10 +20,14 @@ from probe_bench import DimensionTable, judged, wrong
 
 from jaka_ros_driver.client.guard import GuardHealth
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.probe import ask, command
+from jaka_ros_driver.probe import ask, command, move
 from jaka_ros_driver.probe.ask import MALFORMED
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
+from jaka_ros_driver.probe.look import HeardFeed, listen
+from jaka_ros_driver.probe.motion import Mover
 from jaka_ros_driver.probe.move import ASKED
+from jaka_ros_driver.probe.moving import AXIS
+from jaka_ros_driver.probe.set_same import SetBack
 from jaka_ros_driver.probe.twin import twin_facts
 from jaka_ros_driver.protocol.framing import FramingError, ObjectStream
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
@@ -40,6 +46,8 @@ NO_REQUEST = "no request"
 """The name of bytes that are no request, nor the one piece that the probe sends as such."""
 _REPLACED = ("time", "select")
 """Modules for which the bench stands in, in every file of the probe that imports them."""
+_GUARD = SimpleNamespace(beat=lambda now: None, health=lambda: GuardHealth(True, 0, ""), notify=lambda moves: None,
+                         close=lambda: None)
 
 
 class _Connection:
@@ -84,6 +92,8 @@ class VirtualBench:
     Attributes:
         now: Virtual time, s.
         sent: (stage, name of the request) of each request, on any port, in order.
+        requests: The same requests with their fields.
+        path: The joints, rad (6,), at the start and after each cycle of the controller.
         left_out: As of ``recorded.ConnectionLog``.
     """
 
@@ -93,7 +103,8 @@ class VirtualBench:
         self.controller = Controller(load_model("zu7"), FIRMWARES[firmware], Options(dialect, Start.ENABLED))
         self.dialect = dialect
         self.now, self._next_cycle, self._next_frame = 100.0, 100.0 + CYCLE_TIME_S, 100.0
-        self.sent, self.stages, self.connections = [], [], set()
+        self.sent, self.requests, self.stages, self.connections = [], [], [], set()
+        self.path = [self.controller.state.plant.joint_position]
         self._owner = self._loss_matters_of = None
 
     # ---- time ----
@@ -118,6 +129,7 @@ class VirtualBench:
             if self.now < self._next_frame:
                 self._next_cycle += CYCLE_TIME_S
                 self.controller.step(CYCLE_TIME_S)
+                self.path.append(self.controller.state.plant.joint_position)
                 for one in list(self.connections):
                     self._carry_out(one)
                 continue
@@ -150,8 +162,10 @@ class VirtualBench:
         if data == MALFORMED:
             self.sent.append((self.stages[-1], "malformed"))
         else:
+            items = connection.stream.feed(data)
             self.sent += [(self.stages[-1], NO_REQUEST if isinstance(item, FramingError) else item.get("cmdName"))
-                          for item in connection.stream.feed(data)]
+                          for item in items]
+            self.requests += [item for item in items if not isinstance(item, FramingError)]
             if connection.port != "command":
                 self.sent.append((self.stages[-1], "bytes on port %s" % connection.port))
         self._pass(self.now + LATENCY_S)
@@ -175,6 +189,55 @@ class VirtualBench:
             connection.line.add(result)
             connection.unread += self._replies(connection)
 
+    # ---- the arm ----
+
+    @property
+    def furthest(self):
+        """Largest distance of a joint from where it began, deg."""
+        return max(_ways(self.path, itertools.repeat(self.path[0])))
+
+    @property
+    def fastest(self):
+        """Highest speed of a joint in a cycle, deg/s."""
+        return max(_ways(self.path, self.path[1:])) / CYCLE_TIME_S
+
+
+def _ways(path, others):
+    return [math.degrees(abs(a - b)) for one, other in zip(path, others) for a, b in zip(one, other)]
+
+
+class StepBench(VirtualBench):
+    """A controller on which single steps of the stage move are run, and a person beside it.
+
+    Attributes:
+        facts: What the steps have found.
+        back: What they could not set back.
+        told: What the person was told and asked.
+    """
+
+    def __init__(self, answers=lambda question: "y", **dialect):
+        """Make a controller of firmware 1.7.2; ``answers`` takes a question, may work at the pendant, and answers."""
+        super().__init__(Dialect.default("1.7.2").replaced(dialect), "1.7.2")
+        self._answers, self.stages = answers, [ProbeStage.MOVE]
+        self.facts, self.back, self.told = {}, SetBack(), []
+
+    def ask(self, question, meanwhile=lambda: None):
+        self.told.append(question)
+        answer = self._answers(question)
+        for _ in range(20):
+            meanwhile()
+        return answer
+
+    def run(self, *steps, program=""):
+        """Run these steps as the stage does; return the facts."""
+        with _replaced(self), mock.patch.object(move, "STEPS", steps):
+            feed = HeardFeed(self.connect("status", 0))
+            listen([feed], self.now + 0.5)
+            arm = Mover(self, 0, feed, _GUARD, AXIS, self.told.append, self.back)
+            with contextlib.closing(arm):
+                move.move(arm, self.facts, {}, self, self.told.append, program)
+        return self.facts
+
 
 class _Person:
     """Somebody who types the arm's name and consents to every step."""
@@ -192,8 +255,6 @@ class _Person:
 
 @contextlib.contextmanager
 def _replaced(bench):
-    guard = SimpleNamespace(beat=lambda now: None, health=lambda: GuardHealth(True, 0, ""), notify=lambda moves: None,
-                            close=lambda: None)
     with contextlib.ExitStack() as stack:
         def replace(place, name, value):
             stack.enter_context(mock.patch.object(place, name, value))
@@ -203,7 +264,7 @@ def _replaced(bench):
                 replace(file, name, bench)
         replace(ask, "_POLLED_S", POLLED_S)
         replace(command, "ConnectionLog", lambda host: bench)
-        replace(command, "Guard", lambda *where: guard)
+        replace(command, "Guard", lambda *where: _GUARD)
         replace(command, "Person", _Person)
         replace(command, "holder_of", lambda *where: "")
         replace(command, "DriverLock", lambda *where: SimpleNamespace(release=lambda: None))
