@@ -230,7 +230,9 @@ def show(cell, verdict):
     return is_met
 
 
-def main(count, parts):
+def main():
+    count, parts = int((sys.argv[1:] + ["20"])[0]), sys.argv[2:]
+
     def is_wanted(name):
         return not parts or any(part in name for part in parts)
     load = HostLoad()
@@ -258,4 +260,4 @@ def main(count, parts):
 
 
 if __name__ == "__main__":
-    sys.exit(main(int((sys.argv[1:] + ["20"])[0]), sys.argv[2:]))
+    sys.exit(main())

@@ -12,8 +12,11 @@ from jaka_ros_driver.errors import MotionInterrupted
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.trajectory.points import MAX_POINTS, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
-STOP_S = 0.25
-"""Longest time of the processor, s, from the call of a stop until it is on the wire; a busy host's clock shows more."""
+STOP_S = 0.5
+"""Longest time of the processor, s, from the call of a stop until it is on the wire; a busy host's clock shows more.
+
+A look takes seconds. Beside five other workers the other threads of this process have had up to 0.28 s meanwhile.
+"""
 ROUND = (-HOME[0] - 6.0,) + HOME[1:]
 """Once around the base: what stands around it evenly stays as near as it is."""
 LARGEST = workspace_of({

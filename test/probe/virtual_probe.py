@@ -304,5 +304,9 @@ def table(count):
     return found.lines()
 
 
-if __name__ == "__main__":
+def main():
     print("\n".join(table(int(sys.argv[1]) if len(sys.argv) > 1 else 100)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,8 @@
 """A driver and a twin from one probe: do arm and twin make the same logs, by jaka_bag compare?
 
-    . build/devel/setup.bash; build/venv/bin/python3 test/soak/soak_probe_twin.py [DIALECTS [FIRST]]        10, from 0
+In the devel space:
+
+    build/venv/bin/python3 test/soak/soak_probe_twin.py [DIALECTS [FIRST]]        10, from 0
 
 Each dialect is an unknown arm: jaka_probe examines it with all stages, and its report makes both the driver's
 ``controller_profile`` and a simulated controller, by ``--like``. Then the driver makes the calls of two golden logs on

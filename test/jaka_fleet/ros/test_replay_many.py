@@ -12,8 +12,8 @@ from import_graph import ROOT
 from jaka_bag.cli.main import main
 
 GOLDEN = ROOT / "test" / "data" / "golden"
-RIGHT = "linear.x, linear.y, linear.z = state.tcp_position"
-WRONG = RIGHT + "[0], state.tcp_position[1], state.tcp_position[2] + 0.05"
+RIGHT = "return state.tcp_position + rotation_vector_from_rpy"
+WRONG = "return state.tcp_position[:2] + (state.tcp_position[2] + 0.05,) + rotation_vector_from_rpy"
 
 
 def test_a_changed_driver_is_found(tmp_path, capsys):
