@@ -9,6 +9,7 @@ import types
 
 import pytest
 import rospy
+from link_transport import LinkTransport
 from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport
 from std_msgs.msg import String
@@ -19,20 +20,6 @@ from jaka_ros_driver.ros.direct_publisher import DirectConnection, direct_publis
 
 QUEUE = 10
 SMALL_BUFFER = 4096
-
-
-class Transport:
-    """The part of rospy's transport that a connection uses."""
-
-    def __init__(self, sock):
-        self.socket = sock
-        self.stat_bytes = self.stat_num_msg = 0
-        self.endpoint_id = "/listener"
-
-    def close(self):
-        if self.socket is not None:
-            self.socket.close()
-        self.socket = None
 
 
 def message(number, size):
@@ -58,7 +45,7 @@ def link():
     ours.settimeout(60.0)  # as sockets of a process have them in which rospy has connected to a publisher
     theirs.settimeout(None)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SMALL_BUFFER)
-    yield DirectConnection(Transport(ours), QUEUE), theirs
+    yield DirectConnection(LinkTransport(ours), QUEUE), theirs
     ours.close()
     theirs.close()
 

@@ -163,10 +163,11 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
     if comparison.time_scale != 1.0:
         facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
     facts += _early_end(comparison)
-    if comparison.beginning is not None:
-        facts.append(("it begins with", beginning_words(comparison.beginning, len(comparison.differences) - 1)))
+    first = comparison.beginning
+    if first is not None:
+        facts.append(("it begins with", beginning_words(first, len(comparison.differences) - 1)))
     facts += [("of no effect", "tolerances: %s" % text) for text in comparison.unmatched]
-    worst = sorted(comparison.folded, key=lambda entry: comparison.beginning not in (entry[0], *entry[1]))
+    worst = sorted(comparison.folded, key=lambda entry: first not in (entry[0], *entry[1]))
     cards = "".join(_difference(check, more, pictures.moment(check) if number < _MOST_PICTURES else [])
                     for number, (check, more) in enumerate(worst))
     order = "<p>What it begins with, then the worst first.</p>"
