@@ -10,7 +10,7 @@ import { postStop, takeOver } from './first_stop.js';
 /** @typedef {import('../app.js').App} App */
 /** @typedef {import('../link/messages.js').Answer} Answer */
 
-const ANSWER_S = 0.3;
+const ANSWER_S = 0.2;
 const CONFIRM_S = 1;
 const GIVE_UP_S = 5;
 
