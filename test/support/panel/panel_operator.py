@@ -16,6 +16,10 @@ from waiting import eventually
 
 WAIT = 60.0
 BUTTON = ".jog-button[data-axis='%d'][data-sign='%d']"
+TAKES_CONTROL = """(() => {
+    if (document.body.dataset.may === 'take') document.querySelector('#control-button').click();
+    return document.body.dataset.may === 'control';
+})()"""
 SETTLED_S = 0.25
 """Time for which the arm moves before the release, s."""
 TAKEN_OVER = "second page takes over"
@@ -156,10 +160,16 @@ def stand_still(operator, held):
 
 
 def be_frozen(operator, held):
-    """Freeze the tab as a browser does in the background."""
-    operator.page.call("Page.setWebLifecycleState", state="frozen")
-    eventually(operator._rests, WAIT)
-    operator.page.call("Page.setWebLifecycleState", state="active")
+    """Freeze the tab as a browser does in the background; a browser freezes none whose focus is emulated."""
+    page = operator.page
+    page.evaluate("window.is_frozen = document.addEventListener('freeze', () => { window.is_frozen = true; }); true")
+    page.call("Emulation.setFocusEmulationEnabled", enabled=False)
+    page.call("Page.setWebLifecycleState", state="frozen")
+    assert eventually(operator._rests, WAIT), "it goes on"
+    page.call("Page.setWebLifecycleState", state="active")
+    page.call("Emulation.setFocusEmulationEnabled", enabled=True)
+    page.until("window.is_frozen && document.visibilityState === 'visible'", "the tab was frozen")
+    take_control(page)
     return ALL
 
 
@@ -188,12 +198,15 @@ def crash(operator, held):
     return ALL
 
 
+def take_control(page):
+    """Take control with a page whose link is made anew: what is pressed before it is open is lost."""
+    assert eventually(lambda: page.evaluate(TAKES_CONTROL), WAIT), "control does not come back"
+
+
 def load_again(operator, held):
     operator.page.load_again()
-    eventually(operator._rests, WAIT)
-    operator.page.until("document.querySelector('#control-button')?.checkVisibility()")
-    operator.page.click("#control-button")
-    operator.page.until("document.body.dataset.may === 'control'")
+    assert eventually(operator._rests, WAIT), "it goes on"
+    take_control(operator.page)
     return ALL
 
 
