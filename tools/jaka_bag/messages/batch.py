@@ -1,4 +1,5 @@
 """Many messages in few numpy arrays: the form that readers, filters and writers share."""
+import functools
 from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
@@ -80,6 +81,15 @@ def distinct(values: Array) -> Array:
     if int(values.max()) <= 1 << 16:
         return np.flatnonzero(np.bincount(values))
     return np.unique(values)
+
+
+def largest(rows_of_few: Array) -> Array:
+    """Return the largest value of each row, shape (n, columns) to (n,), NaN where it holds one.
+
+    Column by column, which for few columns is several times as fast as row by row.
+    """
+    result: Array = functools.reduce(np.maximum, rows_of_few.T)
+    return result
 
 
 def windows(data: Array, width: int) -> Array:

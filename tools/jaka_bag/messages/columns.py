@@ -1,12 +1,12 @@
 """Fields of messages as numpy columns; all messages of one layout are decoded at once."""
-from typing import Container, Dict, List, NamedTuple, Optional
+from typing import Container, Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from ..units import NS_PER_S
 from .batch import Array, MessageBatch
 from .connection import Connection
-from .layout import Group, Leaf
+from .layout import Group, Layout, Leaf
 
 _TYPES = {name: np.dtype(code) for name, code in {
     "bool": "?", "byte": "i1", "char": "u1", "time": "<u4,<u4", "duration": "<i4,<i4", "int8": "i1", "uint8": "u1",
@@ -102,15 +102,23 @@ def by_name(values: Array, names: Array, wanted: Array) -> Optional[Array]:
     return result
 
 
+class Grouped(NamedTuple):
+    """One topic's messages out of one chunk, by layout; the positions in the groups are among these messages."""
+
+    log_time: Array
+    publish_time: Array
+    groups: List[Group]
+
+
 class _Taken(NamedTuple):
-    """Messages of one layout out of one chunk: positions among the topic's messages of that chunk, and fields."""
+    """Messages of one layout out of a part: positions among the topic's messages of that part, and fields."""
 
     which: Array
     fields: Dict[str, Array]
 
 
 class Part(NamedTuple):
-    """One topic's messages out of one chunk."""
+    """One topic's messages out of one chunk or several."""
 
     log_time: Array
     publish_time: Array
@@ -141,8 +149,7 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
         return ragged
     if _is_wasteful(values):
         values = [_as_objects(some) for some in values]
-    joined: Array = values[0] if len(values) == 1 else np.concatenate(values)
-    places = where[0] if len(where) == 1 else np.concatenate(where)
+    joined, places = _joined(values), _joined(where)
     if (places[1:] < places[:-1]).any():
         ordered = np.empty_like(joined)
         ordered[places] = joined
@@ -150,20 +157,49 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
     return joined
 
 
-def part_of(batch: MessageBatch, groups: List[Group], fields: Optional[Container[str]] = None) -> Part:
-    """Return the messages of one topic in a batch, given by layout; with some ``fields``, only these."""
-    among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
-    return Part(batch.log_time[among], batch.publish_time[among], [
-        _Taken(np.searchsorted(among, group.which),
-               {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()
-                if fields is None or name in fields})
-        for group in groups])
+def grouped(batch: MessageBatch, groups: List[Group]) -> Grouped:
+    """Return the messages of one topic in a batch, given by layout."""
+    if len(groups) == 1:
+        among, places = groups[0].which, [np.arange(len(groups[0].which))]
+    else:
+        among = np.sort(np.concatenate([group.which for group in groups]))
+        places = [np.searchsorted(among, group.which) for group in groups]
+    return Grouped(batch.log_time[among], batch.publish_time[among],
+                   [group._replace(which=which) for group, which in zip(groups, places)])
+
+
+def part_of(pieces: Sequence[Grouped], fields: Optional[Container[str]] = None) -> Part:
+    """Return one topic's messages out of some chunks, in the order of the file; with some ``fields``, only these.
+
+    Messages of one layout are decoded together, whichever of the chunks they are in.
+    """
+    layouts: Dict[int, Layout] = {}
+    where: Dict[int, List[Array]] = {}
+    rows: Dict[int, List[Array]] = {}
+    base = 0
+    for piece in pieces:
+        for group in piece.groups:
+            layouts.setdefault(id(group.layout), group.layout)
+            where.setdefault(id(group.layout), []).append(group.which + base)
+            rows.setdefault(id(group.layout), []).append(group.rows)
+        base += len(piece.log_time)
+    taken = []
+    for key, layout in layouts.items():
+        matrix = _joined(rows.pop(key))
+        taken.append(_Taken(_joined(where[key]), {name: leaf_values(matrix, leaf)
+                                                  for name, leaf in layout.leaves.items()
+                                                  if fields is None or name in fields}))
+    return Part(_joined([piece.log_time for piece in pieces]), _joined([piece.publish_time for piece in pieces]), taken)
+
+
+def _joined(arrays: Sequence[Array]) -> Array:
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
 def columns_of(connection: Connection, parts: List[Part]) -> Columns:
     """Join one topic's columns from its parts, which are given in the order of the file."""
-    log_time = np.concatenate([part.log_time for part in parts])
-    publish_time = np.concatenate([part.publish_time for part in parts])
+    log_time = _joined([part.log_time for part in parts])
+    publish_time = _joined([part.publish_time for part in parts])
     where: Dict[str, List[Array]] = {}
     values: Dict[str, List[Array]] = {}
     base = 0

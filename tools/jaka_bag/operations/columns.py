@@ -13,7 +13,7 @@ from ..containers.registry import open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError, DefinitionError
 from ..messages.batch import MessageBatch, distinct
-from ..messages.columns import Columns, Part, columns_of, part_of
+from ..messages.columns import Columns, Grouped, Part, columns_of, grouped, part_of
 from ..messages.connection import Connection
 from ..messages.encodings import described
 from ..messages.layout import Group, LayoutFinder, Leaf
@@ -91,11 +91,17 @@ class ColumnReader:
             chunk: One of the reader's.
             fields: The only fields that are needed, by topic; of other topics all are given.
         """
-        batch = self._filter.apply(self._reader.load(chunk))
+        return {topic: part_of([some], (fields or {}).get(topic)) for topic, some in self.grouped(chunk).items()}
+
+    def grouped(self, chunk: ChunkRef) -> Dict[str, Grouped]:
+        """Return the wanted messages of one of the reader's chunks, by topic and layout."""
+        return self._grouped(self._filter.apply(self._reader.load(chunk)))
+
+    def _grouped(self, batch: MessageBatch) -> Dict[str, Grouped]:
         by_topic: Dict[str, List[Group]] = {}
         for topic, group in self.groups(batch):
             by_topic.setdefault(topic, []).append(group)
-        return {topic: part_of(batch, groups, (fields or {}).get(topic)) for topic, groups in by_topic.items()}
+        return {topic: grouped(batch, groups) for topic, groups in by_topic.items()}
 
     def pieces(self, fields: Optional[Mapping[str, Container[str]]] = None,
                workers: int = WORKERS) -> Iterator[Tuple[str, Columns]]:
@@ -130,12 +136,8 @@ class ColumnReader:
     def _pieces_in_time_order(self, fields: Optional[Mapping[str, Container[str]]]) -> Iterator[Tuple[str, Columns]]:
         numbers = np.arange(len(self._reader.connections))
         for batch in in_time_order([Source(self._reader, self._filter, numbers)]):
-            by_topic: Dict[str, List[Group]] = {}
-            for topic, group in self.groups(batch):
-                by_topic.setdefault(topic, []).append(group)
-            for topic, found in by_topic.items():
-                part = part_of(batch, found, (fields or {}).get(topic))
-                yield topic, columns_of(self.connections[topic], [part])
+            for topic, some in self._grouped(batch).items():
+                yield topic, columns_of(self.connections[topic], [part_of([some], (fields or {}).get(topic))])
 
     def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
         """Read all wanted messages, by topic; a topic without messages has no entry."""

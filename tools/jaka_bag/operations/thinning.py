@@ -22,7 +22,7 @@ class MinMax:
         self._low: List[Array] = []
         self._high: List[Array] = []
         self._stretches = 0
-        self._tail = np.zeros((0, 3))
+        self._tail = np.zeros(0), np.zeros(0)
         self._ends = np.zeros((0, 3))
         self.count = 0
 
@@ -30,26 +30,31 @@ class MinMax:
         """Add further samples; s or any unit, shape (n,) each. A value may be NaN."""
         if not len(time):
             return
-        rows = np.stack([np.arange(self.count, self.count + len(time), dtype=float), time, values], axis=1)
-        self._ends = np.concatenate([self._ends[:1], rows[:1], rows[-1:]])[[0, -1]]
+        time, values = np.asarray(time, float), np.asarray(values, float)
+        ends = np.array([(self.count + at, time[at], values[at]) for at in (0, len(time) - 1)])
+        self._ends = np.concatenate([self._ends[:1], ends])[[0, -1]]
+        first = self.count - len(self._tail[0])
         self.count += len(time)
-        rows = np.concatenate([self._tail, rows]) if len(self._tail) else rows
+        if len(self._tail[0]):
+            time, values = (np.concatenate(both) for both in zip(self._tail, (time, values)))
         while True:
             most = self._limit if self._size == 1 else self._limit // 2
-            whole = min(len(rows) // self._size, most - self._stretches)
-            if whole:
-                self._take(rows[:whole * self._size].reshape(whole, self._size, 3))
-                rows = rows[whole * self._size:]
-            if self._stretches < most or not len(rows):
+            taken = self._size * min(len(time) // self._size, most - self._stretches)
+            if taken:
+                self._take(first, time[:taken], values[:taken])
+                first, time, values = first + taken, time[taken:], values[taken:]
+            if self._stretches < most or not len(time):
                 break
             self._halve()
-        self._tail = rows.copy()
+        self._tail = time.copy(), values.copy()
 
-    def _take(self, stretches: Array) -> None:
-        self._stretches += len(stretches)
-        low, high = _extremes(stretches)
-        self._low.append(low)
-        self._high.append(high)
+    def _take(self, first: int, time: Array, values: Array) -> None:
+        """Take whole stretches of samples, of which the first has this number."""
+        begins = np.arange(0, len(time), self._size)
+        self._stretches += len(begins)
+        for kept, within in zip((self._low, self._high), _places(values.reshape(-1, self._size))):
+            at = begins + within
+            kept.append(np.stack([(first + at).astype(float), time[at], values[at]], axis=1))
 
     def _halve(self) -> None:
         low, high = (np.concatenate(parts).reshape(-1, 2, 3) for parts in (self._low, self._high))
@@ -60,8 +65,10 @@ class MinMax:
     def points(self) -> Tuple[Array, Array]:
         """Time and value of the points, in the order in which they came."""
         parts = self._low + self._high + [self._ends]
-        if len(self._tail):
-            parts += list(_extremes(self._tail[None]))
+        if len(self._tail[0]):
+            time, values = self._tail
+            number = np.arange(self.count - len(time), self.count, dtype=float)
+            parts += list(_extremes(np.stack([number, time, values], axis=1)[None]))
         rows = np.concatenate(parts)
         rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
         return rows[:, 1], rows[:, 2]
@@ -69,14 +76,20 @@ class MinMax:
 
 def _extremes(stretches: Array) -> Tuple[Array, Array]:
     """Return the samples of each stretch's smallest and largest value, shape (stretches, samples, 3) to (., 3)."""
-    if stretches.shape[1] == 1:
-        return stretches[:, 0], stretches[:, 0]
-    value = stretches[:, :, 2]
-    unknown = np.isnan(value)
-    low, high = (np.where(unknown, np.inf, value), np.where(unknown, -np.inf, value)) if unknown.any() \
-        else (value, value)
     number = np.arange(len(stretches))
-    return stretches[number, low.argmin(axis=1)], stretches[number, high.argmax(axis=1)]
+    low, high = _places(stretches[:, :, 2])
+    return stretches[number, low], stretches[number, high]
+
+
+def _places(values: Array) -> Tuple[Array, Array]:
+    """Return the places of each row's smallest and largest value, shape (rows, samples) to (rows,) each."""
+    if values.shape[1] == 1:
+        none = np.zeros(len(values), np.int64)
+        return none, none
+    unknown = np.isnan(values)
+    low, high = (np.where(unknown, np.inf, values), np.where(unknown, -np.inf, values)) if unknown.any() \
+        else (values, values)
+    return low.argmin(axis=1), high.argmax(axis=1)
 
 
 class EveryNth:

@@ -209,13 +209,14 @@ class AlignedSamples:
         if not inside.any():
             return None
         golden = self._golden
-        golden.cover(float(at[inside][-1]))
+        golden.cover(float(at[np.flatnonzero(inside)[-1]]))
         for i in np.flatnonzero(np.diff(golden.time) > self._gap_s).tolist():
             inside &= (at < golden.time[i] + self._frame.jitter_s) | (at > golden.time[i + 1] - self._frame.jitter_s)
         if not inside.any():
             return None
-        own, at = own[inside], at[inside]
-        value, jitter = curve[own], late[own] + np.interp(at, golden.time, golden.late)
+        if not inside.all():
+            own, at = own[inside], at[inside]
+        value, jitter = curve.take(own, axis=0), late[own] + np.interp(at, golden.time, golden.late)
         golden.cover(float(at[-1] + jitter.max()))
         here = interpolated(golden.time, golden.value, at)
         found = Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value, here,

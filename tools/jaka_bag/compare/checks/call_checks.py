@@ -95,6 +95,9 @@ def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
     def differs(call: Call, at: float, words: str, *values: str) -> None:
         differences.append(equal(Aspect.CALLS, call.service, "", False, words, at, *values))
 
+    def is_changed(call: Call, words: str, *values: str) -> None:
+        differs(call, call.start, "%s at %.2f s %s" % (call.words, call.start, words), *values)
+
     places: List[Tuple[int, int]] = []
     for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
         if i is None or j is None:
@@ -102,16 +105,14 @@ def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
         places.append((i, j))
         one, other = ours[i], theirs[j]
         found.append(CallPair(one, other))
-        where = "%s at %.2f s " % (one.words, one.start)
         if one.success != other.success or _without_numbers(one.error) != _without_numbers(other.error):
-            differs(one, one.start, where + _outcome(other), _outcome(one), _outcome(other))
+            is_changed(one, _outcome(other), _outcome(one), _outcome(other))
         if one.service_type != other.service_type:
-            differs(one, one.start, where + "has another type", one.service_type, other.service_type)
+            is_changed(one, "has another type", one.service_type, other.service_type)
         if one.request == other.request and one.request_text != other.request_text:
-            differs(one, one.start, where + "is told in other words", one.request_text, other.request_text)
+            is_changed(one, "is told in other words", one.request_text, other.request_text)
         if one.response == other.response and one.response_text != other.response_text:
-            differs(one, one.start, where + "has the same response in other words", one.response_text,
-                    other.response_text)
+            is_changed(one, "has the same response in other words", one.response_text, other.response_text)
     for gone, come in _between(places, ours, theirs, lag):
         if gone is not None and come is not None:
             differs(gone, gone.start, "%s at %.2f s asks for something else: %s" % (

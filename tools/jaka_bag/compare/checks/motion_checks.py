@@ -3,13 +3,13 @@ from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ...messages.batch import Array
+from ...messages.batch import Array, largest
 from ...operations.thinning import MinMax
 from ...units import m_to_mm, mm_to_m, s_to_ms
 from ..matching.curve_distance import interpolated, lengths
 from ..runs.contents import QUATERNION
 from ..runs.publishers import base_of
-from ..runs.run import LongTrack, Run, arm_of
+from ..runs.run import LongTrack, Run, are_numbers, arm_of
 from ..tolerances import Envelope, FieldTolerance
 from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, limits_at, not_compared
 from .aligned_samples import AlignedSamples, Convert, Frame, Samples, as_they_are
@@ -74,27 +74,29 @@ class _Judge:
 
     def take(self, off: Array, allowed: Array, samples: Samples) -> None:
         """Add further samples."""
-        beyond = np.maximum(off - allowed, 0.0)
-        wider = np.zeros(len(off)) if not self._envelope else (
-            limits_at(self._envelope, samples.time) / self._factor - self._limit)
-        excess = np.maximum(beyond - wider, 0.0)
+        excess = beyond = np.maximum(off - allowed, 0.0)
+        wider = None
+        if self._envelope:
+            wider = limits_at(self._envelope, samples.time) / self._factor - self._limit
+            excess = np.maximum(beyond - wider, 0.0)
         self._count += len(off)
-        self._outside += int((excess > self._limit).sum())
+        self._outside += int(np.count_nonzero(excess > self._limit))
         if excess.max() > self._floor:
-            self._beyond += (excess[:, None] > self._rungs).sum(axis=0)
-        self._curve.add(samples.time, beyond * self._factor)
-        rows = np.stack([samples.time, beyond * self._factor], axis=1)
+            self._beyond += np.count_nonzero(excess > self._rungs[:, None], axis=1)
+        shown = beyond * self._factor
+        self._curve.add(samples.time, shown)
         worst = int(np.argmax(excess))
         if excess[worst] > self._worst:
             self._worst, self._worst_at = float(excess[worst]), float(samples.time[worst])
-            self._wider = float(wider[worst])
+            self._wider = 0.0 if wider is None else float(wider[worst])
             self._worst_allowed = float(allowed[worst])
             self._shown = (samples.golden_here[worst].copy(), samples.value[worst].copy())
-            self._close_up = np.concatenate([self._tail, rows])
-        else:
-            self._close_up = np.concatenate([self._close_up, rows])
-        self._close_up = self._close_up[np.abs(self._close_up[:, 0] - self._worst_at) <= _CLOSE_UP_S]
-        self._tail = rows[rows[:, 0] >= rows[-1, 0] - _CLOSE_UP_S]
+            self._close_up = self._tail[np.abs(self._tail[:, 0] - self._worst_at) <= _CLOSE_UP_S]
+        near = np.flatnonzero(np.abs(samples.time - self._worst_at) <= _CLOSE_UP_S)
+        if len(near):
+            self._close_up = np.concatenate([self._close_up, np.stack([samples.time[near], shown[near]], axis=1)])
+        last = np.flatnonzero(samples.time >= samples.time[-1] - _CLOSE_UP_S)
+        self._tail = np.stack([samples.time[last], shown[last]], axis=1)
 
     def check(self, residuals: Dict[ResidualKey, Residual]) -> Check:
         """Return the outcome, after all samples; add their deviations to ``residuals``."""
@@ -139,22 +141,25 @@ class _Staleness:
         few = np.flatnonzero((samples.time * 1e6).astype(np.int64) % _EVERY == 0)  # whatever the windows are
         if not len(few):
             return
-        at = samples.time[few]
-        still = samples.allowed[few].max(axis=1) <= 0
-        ahead, behind = (interpolated(samples.golden_time, samples.golden_value, at + step)
+        if samples.allowed.any():
+            few = few[largest(samples.allowed.take(few, axis=0)) <= 0]
+        ahead, behind = (interpolated(samples.golden_time, samples.golden_value, samples.time[few] + step)
                          for step in (_SLOPE_S, -_SLOPE_S))
         speed = (ahead - behind) / (2.0 * _SLOPE_S)
-        moving = still & (lengths(speed) > _LEAST_SPEED)
-        if not moving.any():
+        moving = np.flatnonzero(lengths(speed) > _LEAST_SPEED)
+        if not len(moving):
             return
-        off = (samples.value[few] - samples.golden_here[few])[moving]
-        speed = speed[moving]
-        starts = [episode.start for episode in self._frame.alignment.episodes.get(self._arm, ())]
-        motion = np.searchsorted(starts, at[moving], "right")
+        few, speed = few[moving], speed.take(moving, axis=0)
+        off = samples.value.take(few, axis=0) - samples.golden_here.take(few, axis=0)
+        motion = self._frame.alignment.motion_numbers(self._arm, samples.time[few])
         parts = np.stack([-(off * speed).sum(axis=1), (speed * speed).sum(axis=1), np.ones(len(speed)),
                           (off * off).sum(axis=1)], axis=1)
-        for number in np.unique(motion).tolist():
-            self._products[number] = self._products.get(number, np.zeros(4)) + parts[motion == number].sum(axis=0)
+        if (motion[1:] < motion[:-1]).any():
+            order = np.argsort(motion, kind="stable")
+            motion, parts = motion[order], parts[order]
+        numbers, begins = np.unique(motion, return_index=True)
+        for number, some in zip(numbers.tolist(), np.split(parts, begins[1:])):
+            self._products[number] = self._products.get(number, np.zeros(4)) + some.sum(axis=0)
 
     def checks(self, topic: str, field: str) -> List[Check]:
         """Return the outcome, after all samples; nothing where too little moves."""
@@ -199,7 +204,7 @@ class MotionWatch:
     def take(self, begin: float, end: float) -> None:
         """Read a window of the candidate, which follows the one before."""
         block = self._theirs.between(begin, end)
-        good = np.isfinite(block.value).all(axis=1)
+        good = are_numbers(block.value)
         self._bad.note(block.time)
         if not good.all():
             self._bad.add(block.time[~good], block.value[~good])
@@ -254,7 +259,7 @@ class MotionWatch:
             return []
         bad = NotNumbers()
         for block in ours.blocks():
-            good = np.isfinite(block.value).all(axis=1)
+            good = are_numbers(block.value)
             bad.note(block.time)
             bad.add(block.time[~good], block.value[~good])
 
@@ -323,6 +328,15 @@ def _angles(chords: Array) -> Array:
     return angles
 
 
+def _turned_alike(samples: Samples) -> Samples:
+    """Return quaternions with the sign that is nearer to the golden one: both signs are the same rotation."""
+    opposite = np.einsum("ij,ij->i", samples.golden_here, samples.value) < 0
+    if not opposite.any():
+        return samples
+    return samples._replace(value=np.where(opposite[:, None], -samples.value, samples.value),
+                            sought=np.where(opposite[:, None], -samples.sought, samples.sought))
+
+
 class _PoseWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, halves: slice = slice(None)) -> None:
         super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
@@ -346,9 +360,7 @@ class _PoseWatch(MotionWatch):
     def _judge(self, samples: Samples) -> None:
         placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
         self._placed.take(placed.distances(self._frame.resolution * self._limits[0]), lengths(placed.allowed), placed)
-        opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
-        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value),
-                                 sought=np.where(opposite[:, None], -turned.sought, turned.sought))
+        turned = _turned_alike(turned)
         chord = turned.distances(self._enough_chord)
         self._turned.take(_angles(chord), 2.0 * lengths(turned.allowed), turned)
 
@@ -406,9 +418,7 @@ class _NumbersWatch(MotionWatch):
     def _judge(self, samples: Samples) -> None:
         whole = len(samples.value[0])
         if self._is_quaternion:
-            opposite = np.einsum("ij,ij->i", samples.golden_here, samples.value) < 0
-            samples = samples._replace(value=np.where(opposite[:, None], -samples.value, samples.value),
-                                       sought=np.where(opposite[:, None], -samples.sought, samples.sought))
+            samples = _turned_alike(samples)
         width = whole if self._is_quaternion else 1
         for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
             part = samples.columns(slice(column, column + width))

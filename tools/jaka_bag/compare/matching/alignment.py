@@ -69,6 +69,18 @@ class Episode:
     is_alike: bool
 
 
+class _Knots(NamedTuple):
+    """The begins and ends of an arm's motions in golden time, s, and the candidate's times of them, never decreasing.
+
+    ``first_lag`` is the lag, s, of the first motion.
+    """
+
+    episodes: Tuple[Episode, ...]
+    golden: Array
+    candidate: Array
+    first_lag: float
+
+
 @dataclass(frozen=True)
 class Alignment:
     """The mapping of golden times to candidate times.
@@ -82,36 +94,48 @@ class Alignment:
     lag: float
     method: str
     episodes: Dict[str, Tuple[Episode, ...]] = field(default_factory=dict)
+    _known: Dict[str, "_Knots"] = field(default_factory=dict, repr=False, compare=False)
 
     def golden_time(self, arm: str, candidate_time: Array) -> Array:
         """Return golden times of candidate times, s, never decreasing.
 
         A motion has its own lag at the golden pace; the rest between two motions is as long as it needs to be.
         """
-        episodes = self.episodes.get(arm, ())
-        if not episodes:
+        if not self.episodes.get(arm):
             plain: Array = candidate_time - self.lag
             return plain
-        golden = np.array([time for episode in episodes for time in (episode.start, episode.end)])
-        lags = np.repeat([episode.lag for episode in episodes], 2)
-        knots = np.maximum.accumulate(golden + lags)
+        _, golden, knots, first_lag = self._knots(arm)
         result: Array = np.interp(candidate_time, knots, golden)
         before, after = candidate_time < knots[0], candidate_time > knots[-1]
-        result[before] = candidate_time[before] - lags[0]
+        result[before] = candidate_time[before] - first_lag
         result[after] = golden[-1] + (candidate_time[after] - knots[-1])
         return result
 
     def candidate_time(self, arm: str, golden_time: float) -> float:
         """Return the candidate's time of a golden time, s."""
-        episodes = self.episodes.get(arm, ())
-        if not episodes:
+        if not self.episodes.get(arm):
             return golden_time + self.lag
-        golden = np.array([time for episode in episodes for time in (episode.start, episode.end)])
-        lags = np.repeat([episode.lag for episode in episodes], 2)
-        knots = np.maximum.accumulate(golden + lags)
+        _, golden, knots, first_lag = self._knots(arm)
         if golden_time < golden[0]:
-            return golden_time + float(lags[0])
+            return golden_time + first_lag
         return float(np.interp(golden_time, golden, knots)) + max(golden_time - float(golden[-1]), 0.0)
+
+    def motion_numbers(self, arm: str, golden_time: Array) -> Array:
+        """Return how many of an arm's motions have begun at golden times, s, int64, of the same shape."""
+        if not self.episodes.get(arm):
+            return np.zeros(golden_time.shape, np.int64)
+        begun: Array = np.searchsorted(self._knots(arm).golden[::2], golden_time, "right")
+        return begun
+
+    def _knots(self, arm: str) -> "_Knots":
+        """Return the knots of an arm, which has motions; they are made again when motions were added."""
+        episodes = self.episodes[arm]
+        known = self._known.get(arm)
+        if known is None or known.episodes is not episodes:
+            golden = np.array([time for episode in episodes for time in (episode.start, episode.end)])
+            lags = np.repeat([episode.lag for episode in episodes], 2)
+            known = self._known[arm] = _Knots(episodes, golden, np.maximum.accumulate(golden + lags), float(lags[0]))
+        return known
 
 
 Spans = Sequence[Tuple[float, float]]

@@ -14,9 +14,13 @@ _SLOWEST_RHYTHM = 1.1
 def interpolated(time: Array, value: Array, at: Array) -> Array:
     """Interpolate the curve at some times, shape (len(at), columns); hold it at its ends."""
     right = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    part = (at - time[right - 1]) / np.maximum(time[right] - time[right - 1], 1e-9)
+    left = right - 1
+    begin = time[left]
+    part = (at - begin) / np.maximum(time[right] - begin, 1e-9)
     part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
-    result: Array = value[right - 1] + part * (value[right] - value[right - 1])
+    first = value.take(left, axis=0)  # which gathers rows several times as fast as an index does
+    result: Array = part * (value.take(right, axis=0) - first)
+    result += first
     return result
 
 

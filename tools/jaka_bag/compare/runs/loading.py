@@ -15,8 +15,7 @@ from ...containers.registry import open_log
 from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError, DefinitionError
 from ...messages.batch import Array, MessageBatch, distinct
-from ...messages.columns import Columns, columns_of, is_ragged
-from ...messages.columns import Part as DecodedPart
+from ...messages.columns import Columns, Grouped, columns_of, is_ragged, part_of
 from ...messages.definitions import definition_md5
 from ...messages.encodings import described, types_of
 from ...messages.selection import Selection
@@ -112,6 +111,7 @@ class _Loader:
         for number, connection in enumerate(self._described):
             if index.counts[number] and not tolerances.ignores(connection.topic):
                 self._types.setdefault(connection.topic, set()).add((connection.datatype, connection.md5sum))
+        self._kinds = {topic: self._kind_of(topic) for topic in self._types}
         self._with_contents = with_contents
         decoded = [topic for topic in self._types if self._is_decoded(topic)]
         self._columns = ColumnReader(reader, Selection(topics=decoded)) if decoded else None
@@ -138,7 +138,7 @@ class _Loader:
         return not chunk.counts or any(number in self._decoded or number in self._timed for number in chunk.counts)
 
     def _is_decoded(self, topic: str) -> bool:
-        if topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kind(topic) is not None:
+        if topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kinds[topic] is not None:
             return True
         return self._with_contents and len(self._types[topic]) == 1 and self._is_understood(topic)
 
@@ -161,7 +161,7 @@ class _Loader:
         except DefinitionError:
             return True  # whoever decodes it tells why it cannot
 
-    def _kind(self, topic: str) -> Optional[str]:
+    def _kind_of(self, topic: str) -> Optional[str]:
         """Return the type of a topic whose purpose is known; None for others."""
         if len(self._types[topic]) > 1:
             return None
@@ -176,7 +176,7 @@ class _Loader:
         """Decode no more of a topic than is needed, where that is known."""
         if self._with_contents:
             return
-        kind = self._kind(topic) or ""
+        kind = self._kinds[topic] or ""
         some = ("position", "name") if kind == JOINT_STATE else POSE_FIELDS.get(kind)
         if some is not None:
             self._fields[topic] = {*_HEADER_FIELDS, _FRAME, *some, *self._tolerances.fields.get(topic, ())}
@@ -190,7 +190,7 @@ class _Loader:
 
     def _decode(self, number: int) -> Dict[str, Rows]:
         """Return the rows of a part of the log, by topic."""
-        found: Dict[str, List[DecodedPart]] = {}
+        found: Dict[str, List[Grouped]] = {}
         times: Dict[str, List[Array]] = {}
         for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
             for topic, some in decoded.items():
@@ -200,7 +200,8 @@ class _Loader:
         rows: Dict[str, Rows] = {}
         for topic, taken in found.items():
             assert self._columns is not None
-            rows[topic] = self._rows(topic, columns_of(self._columns.connections[topic], taken))
+            part = part_of(taken, self._fields.get(topic))
+            rows[topic] = self._rows(topic, columns_of(self._columns.connections[topic], [part]))
         for topic, log_time in times.items():
             seconds = self._seconds(np.sort(np.concatenate(log_time)))
             rows[topic] = Rows(Arrivals(seconds), seconds, {})
@@ -217,12 +218,12 @@ class _Loader:
                 self._scan.contents.setdefault(self._timed[number], Collector()).add(
                     self._seconds(some.log_time), by_bytes(payloads))
 
-    def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, DecodedPart], Dict[str, Array]]:
-        decoded: Dict[str, DecodedPart] = {}
+    def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, Grouped], Dict[str, Array]]:
+        decoded: Dict[str, Grouped] = {}
         timed: Dict[str, List[Array]] = {}
         numbers = chunk.counts or range(len(self._reader.connections))
         if self._columns is not None and any(number in self._decoded for number in numbers):
-            decoded = self._columns.parts(chunk, self._fields)
+            decoded = self._columns.grouped(chunk)
         if any(number in self._timed for number in numbers):
             batch = self._reader.load(chunk)
             if self._with_contents and self._scan is not None:
@@ -250,7 +251,7 @@ class _Loader:
         arrivals = Arrivals(log_time, stamp, None if sequence is None or sequence.dtype == object
                             else sequence.astype(np.int64))
         values: Dict[str, PartRows] = {}
-        kind = self._kind(topic)
+        kind = self._kinds[topic]
         them = self._publishers(topic, columns) if kind == JOINT_STATE else None
         for name in self._tolerances.fields.get(topic, ()):
             values.update(self._further_field(topic, columns, name, them))
@@ -282,7 +283,7 @@ class _Loader:
     def _add_contents(self, topic: str, columns: Columns, time: Array,
                       values: Dict[str, PartRows], them: Optional[Publishers]) -> None:
         """Add the numbers of fields that nothing else compares to ``values``, the other fields to the scan."""
-        kind, reader = self._kind(topic), self._columns
+        kind, reader = self._kinds[topic], self._columns
         assert reader is not None
         types = self._leaf_types.setdefault(topic, {})
         for name in columns.fields:
@@ -408,7 +409,7 @@ class _Loader:
                 break
         self._scan = None
         for topic in self._fields if not self._with_contents else ():
-            kind = self._kind(topic)
+            kind = self._kinds[topic]
             if kind in POSE_FIELDS:
                 self._fields[topic] = {*_HEADER_FIELDS, *POSE_FIELDS[kind], *self._tolerances.fields.get(topic, ())}
         if self._with_contents:
@@ -422,7 +423,7 @@ class _Loader:
             run.streams[topic] = Stream(topic, tuple(sorted(types)), scan.counts.get(topic, 0),
                                         self._assumed.is_stamped.get(topic, False), self._arrivals_of(topic))
         for topic in self._types:
-            kind = self._kind(topic)
+            kind = self._kinds[topic]
             if kind in STATE_TYPES:
                 time, value = self._states(scan, topic)
                 run.states[topic] = Track(topic, self._names[topic], time, value)
@@ -488,14 +489,14 @@ class _Loader:
             scan.unordered.add(key)
             return
         scan.last[key] = float(time[-1])
-        if self._kind(key[0]) in STATE_TYPES and not key[1]:
+        if self._kinds[key[0]] in STATE_TYPES and not key[1]:
             scan.states.setdefault(key[0], StateChanges()).add(time, value)
         else:
             self._facts_builder(scan, key).add(time, value)
 
     def _facts_builder(self, scan: _Scan, key: TrackKey) -> FactsBuilder:
         if key not in scan.facts:
-            is_arm = not key[1] and self._kind(key[0]) == JOINT_STATE
+            is_arm = not key[1] and self._kinds[key[0]] == JOINT_STATE
             scan.facts[key] = FactsBuilder(is_arm, self._assumed.reach.get(key))
         return scan.facts[key]
 
@@ -527,7 +528,7 @@ class _Loader:
     def _title(self, topic: str, name: str, tracks: Iterable[str]) -> str:
         """Return the name of a track: with its length where there are others, as any of them may come first."""
         is_one_of_several = any(other.startswith(name_of(name, "")[:-1]) for other in tracks)
-        if not is_one_of_several or self._kind(topic) == JOINT_STATE or name in self._tolerances.fields.get(topic, ()):
+        if not is_one_of_several or self._kinds[topic] == JOINT_STATE or name in self._tolerances.fields.get(topic, ()):
             return name
         return name_of(name, str(self._assumed.lengths[topic, name]))
 
@@ -538,7 +539,7 @@ class _Loader:
         builder = self._facts_builder(scan, key)
         facts = builder.facts() if key not in scan.unordered else None
         while facts is None or (builder.used_reach or facts.reach) != facts.reach:
-            builder = FactsBuilder(not key[1] and key[0] in self._names and self._kind(key[0]) == JOINT_STATE,
+            builder = FactsBuilder(not key[1] and key[0] in self._names and self._kinds[key[0]] == JOINT_STATE,
                                    None if facts is None else facts.reach)
             for begin, end in windows:
                 block = between(begin, end)

@@ -15,6 +15,13 @@ TimeWindow = Tuple[float, float]
 """Time span from a time, s, up to but without another."""
 
 
+def are_numbers(value: Array) -> Array:
+    """Return whether all values of each row are numbers, bool, shape (n, columns) to (n,)."""
+    finite = np.isfinite(value)
+    good: Array = np.ones(len(value), bool) if finite.all() else finite.all(axis=1)
+    return good
+
+
 class Arrivals(NamedTuple):
     """Messages of one topic in the order of recording.
 
@@ -85,7 +92,7 @@ class Track:
 
     def finite(self) -> "Track":
         """Return the samples of which all values are numbers."""
-        good = np.isfinite(self.value).all(axis=1)
+        good = are_numbers(self.value)
         return self if good.all() else replace(self, time=self.time[good], value=self.value[good])
 
 

@@ -3,9 +3,9 @@ from typing import List, Optional, Tuple
 
 import numpy as np
 
-from ...messages.batch import Array
+from ...messages.batch import Array, largest
 from ...operations.quantiles import Quantiles
-from .run import TimeWindow, TrackFacts
+from .run import TimeWindow, TrackFacts, are_numbers
 
 MOVING_RAD_S = 0.005
 """A joint faster than this moves, rad/s."""
@@ -48,7 +48,7 @@ class SpanFinder:
         both = 2 * self._reach
         if len(time) > both:
             span = np.maximum(time[both:] - time[:-both], 1e-6)
-            moving = np.abs((value[both:] - value[:-both]) / span[:, None]).max(axis=1) > MOVING_RAD_S
+            moving = largest(np.abs((value[both:] - value[:-both]) / span[:, None])) > MOVING_RAD_S
             self._judge(time[self._reach:-self._reach], value[self._reach:-self._reach], moving)
         self._time, self._value = time[-both:].copy(), value[-both:].copy()
 
@@ -103,7 +103,7 @@ class FactsBuilder:
     def add(self, time: Array, value: Array) -> None:
         """Add further samples, s, shape (n,), ascending, and their values, shape (n, columns)."""
         self._count += len(time)
-        good = np.isfinite(value).all(axis=1)
+        good = are_numbers(value)
         if not good.all():
             time, value = time[good], value[good]
         if not len(time):
