@@ -2,6 +2,7 @@
 
 ``MissingDependency`` is raised where the library of a codec is not installed.
 """
+import importlib
 import os
 import threading
 from typing import IO, Any, Callable, Dict, List, Optional, Tuple
@@ -40,7 +41,7 @@ _local = threading.local()
 
 def _import(name: str, what: str) -> Any:
     try:
-        return __import__(name, fromlist=["x"])
+        return importlib.import_module(name)
     except ImportError:
         raise MissingDependency("%s compression needs the Python package %s" % (what, name.split(".")[0])) from None
 

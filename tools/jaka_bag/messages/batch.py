@@ -92,6 +92,22 @@ def largest(rows_of_few: Array) -> Array:
     return result
 
 
+def are_rows_equal(rows_of_bytes: Array) -> bool:
+    """Return whether all rows of a contiguous array are the same bytes; for texts several times as fast as ``==``."""
+    if len(rows_of_bytes) < 2:
+        return True
+    flat = rows_of_bytes.reshape(-1).view(np.uint8)
+    size = len(flat) // len(rows_of_bytes)
+    return bool((flat[size:] == flat[:-size]).all()) if size else True
+
+
+def columns_at(rows_of_bytes: Array, begin: int, width: int) -> Array:
+    """Return bytes ``begin`` up to ``begin + width`` (at least 1) of each row of a contiguous uint8 matrix, copied."""
+    count, size = rows_of_bytes.shape
+    opaque = np.ndarray((count,), np.dtype("V%d" % width), rows_of_bytes, begin, (size,))
+    return opaque.copy().view(np.uint8).reshape(count, width)
+
+
 def windows(data: Array, width: int) -> Array:
     """Return all windows of ``width`` bytes (at least 1) of a contiguous uint8 buffer as a view, dtype void.
 

@@ -4,7 +4,7 @@ from typing import Container, Dict, List, NamedTuple, Optional, Sequence
 import numpy as np
 
 from ..units import NS_PER_S
-from .batch import Array, MessageBatch
+from .batch import Array, MessageBatch, are_rows_equal, columns_at
 from .connection import Connection
 from .layout import Group, Layout, Leaf
 
@@ -14,6 +14,10 @@ _TYPES = {name: np.dtype(code) for name, code in {
     "float32": "<f4", "float64": "<f8"}.items()}
 
 
+_LENGTH = 4
+"""Bytes of the length between two texts of an array."""
+_MANY_ROWS = 64
+"""Fewest messages that are looked at whether their texts, as names of joints, never change: for fewer it costs more."""
 _WIDE_BYTES, _WASTE = 32 << 20, 4
 """Texts are no table of one width where that has more bytes, and so many times those of the texts of each layout."""
 
@@ -43,6 +47,10 @@ def _strings(matrix: Array, leaf: Leaf) -> Array:
     width = max(leaf.counts, default=0)
     if width == 0:
         return np.zeros((len(matrix), len(leaf.counts)), "S1")
+    size = sum(leaf.counts) + _LENGTH * (len(leaf.counts) - 1)
+    if len(matrix) >= _MANY_ROWS and leaf.offsets[-1] + leaf.counts[-1] - leaf.offsets[0] == size and are_rows_equal(
+            columns_at(matrix, leaf.offsets[0], size)):
+        return np.repeat(_strings(matrix[:1], leaf), len(matrix), axis=0)
     padded = np.zeros((len(matrix), len(leaf.counts), width), np.uint8)
     for i, (at, count) in enumerate(zip(leaf.offsets, leaf.counts)):
         padded[:, i, :count] = matrix[:, at:at + count]
@@ -72,8 +80,9 @@ def leaf_values(matrix: Array, leaf: Leaf) -> Array:
         values = _strings(matrix, leaf)
     else:
         kind = _TYPES[leaf.type]
-        runs = [matrix[:, at:at + count * kind.itemsize] for at, count in zip(leaf.offsets, leaf.counts)]
-        raw = np.ascontiguousarray(runs[0] if len(runs) == 1 else np.concatenate([matrix[:, :0], *runs], axis=1))
+        runs = [columns_at(matrix, at, count * kind.itemsize)
+                for at, count in zip(leaf.offsets, leaf.counts) if count]
+        raw = runs[0] if len(runs) == 1 else np.concatenate([matrix[:, :0], *runs], axis=1)
         values = raw.view(kind) if raw.shape[1] else np.zeros(raw.shape, kind)
         if kind.names:  # seconds and nanoseconds
             values = values["f0"].astype(np.int64) * NS_PER_S + values["f1"]

@@ -18,6 +18,8 @@ def continuous(quaternion: Array) -> Array:
     if len(quaternion) < 2:
         return quaternion
     flips = (quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0
+    if not flips.any():
+        return quaternion
     sign = np.ones(len(quaternion))
     sign[1:] = np.where(np.cumsum(flips) % 2, -1.0, 1.0)
     signed: Array = quaternion * sign[:, None]

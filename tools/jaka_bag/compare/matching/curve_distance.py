@@ -7,6 +7,8 @@ from ...messages.batch import Array
 
 _MOST_SEGMENTS = 2000
 """Most segments to either side in which a sample's counterpart is looked for: wrong jitter costs bounded time."""
+_SHORT_SLICE = 16
+"""Rows of a slice up to which its range is sought row by row: beyond it a table for the whole curve costs less."""
 _SLOWEST_RHYTHM = 1.1
 """A rhythm this much slower than the usual one is still steady."""
 
@@ -140,6 +142,14 @@ def box_distances(time: Array, value: Array, at: Array, sought: Array, jitter_s:
 
 def _ranges(value: Array, begin: Array, end: Array) -> Tuple[Array, Array]:
     """Return the least and the largest values of slices, each of at least one row, by column."""
+    longest = int((end - begin).max())
+    if longest <= _SHORT_SLICE:
+        value, last = np.ascontiguousarray(value), end - 1
+        low = high = value.take(begin, axis=0)
+        for offset in range(1, longest):
+            there = value.take(np.minimum(begin + offset, last), axis=0)
+            low, high = np.minimum(low, there), np.maximum(high, there)
+        return low, high
     low, high = np.empty((len(begin), value.shape[1])), np.empty((len(begin), value.shape[1]))
     least = most = value
     size = 1

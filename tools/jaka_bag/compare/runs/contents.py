@@ -5,7 +5,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ...messages.batch import Array
+from ...messages.batch import Array, are_rows_equal
 from ...messages.columns import Columns, is_ragged
 from ...units import NS_PER_S
 from .publishers import by_length, name_of, spread, text_of
@@ -126,7 +126,8 @@ class Splitter:
             begins = np.arange(len(column))
         else:
             rows = as_bytes(column.reshape(len(column), -1))
-            begins = np.flatnonzero(np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)]))
+            begins = np.zeros(1, np.int64) if are_rows_equal(rows) else np.flatnonzero(
+                np.concatenate([[True], (rows[1:] != rows[:-1]).any(axis=1)]))
         labels = self.labels.setdefault(name, {})
         is_goal_id = _GOAL_IDS.fullmatch(name) is not None
         keys = [_key(_of_any_run(column[i]) if is_goal_id else column[i], labels) for i in begins.tolist()]
@@ -263,19 +264,22 @@ class Collector:
         if new:
             self._names += new
             self._values = [np.pad(value, ((0, 0), (0, len(new)))) for value in self._values]
-        value = np.zeros((len(time), len(self._names)), np.int64)
-        value[:, [self._names.index(name) for name in split.names]] = split.values
-        changed = np.flatnonzero((value[1:] != value[:-1]).any(axis=1))
+        value = split.values
+        if split.names != self._names:
+            value = np.zeros((len(time), len(self._names)), np.int64)
+            value[:, [self._names.index(name) for name in split.names]] = split.values
+        differs = value[1:] != value[:-1]
+        changes = differs.any(axis=1) if differs.any() else np.zeros(len(differs), bool)
+        changed = np.flatnonzero(changes)
         kept = np.unique(np.concatenate([[0], changed, changed + 1, [len(time) - 1]]))
         self._times.append(time[kept])
         self._values.append(value[kept])
-        self._count_repeats(value, split)
+        self._count_repeats(value, ~changes, split)
 
-    def _count_repeats(self, value: Array, split: Split) -> None:
-        """Count the messages that repeat the contents of the one before."""
+    def _count_repeats(self, value: Array, same: Array, split: Split) -> None:
+        """Count the messages that repeat the contents of the one before; ``same`` are those that repeat ``value``."""
         numbers = [rows for rows, which in split.numbers.values() if which is None]
         if len(numbers) == len(split.numbers):
-            same = (value[1:] == value[:-1]).all(axis=1)
             for rows in numbers:
                 same &= ((rows[1:] == rows[:-1]) | (np.isnan(rows[1:]) & np.isnan(rows[:-1]))).all(axis=1)
             self._repeats += int(same.sum())

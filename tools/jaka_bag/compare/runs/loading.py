@@ -272,7 +272,9 @@ class _Loader:
         elif kind in STATE_TYPES:
             names = [name for name, column in fields.items()
                      if column.ndim == 1 and column.dtype.kind in "iub" and not name.startswith("header.")]
-            values[""] = (np.stack([whole_numbers(fields[name]) for name in names], axis=1), None)
+            states = [as_bytes(fields[name]) for name in names]
+            values[""] = (np.stack(states, axis=1) if np.result_type(*states).kind in "iu" else np.stack(
+                [whole_numbers(some) for some in states], axis=1), None)
             self._names[topic] = tuple(names)
         elif kind == CALL_TYPE and scan is not None:
             scan.calls += self._calls(topic, columns, log_time if stamp is None else stamp)
@@ -553,7 +555,8 @@ class _Loader:
             changes = StateChanges()
             for begin, end in self._windows.windows():
                 changes.add(*self._windows.samples((topic, ""), begin, end))
-        return changes.samples()
+        times, values = changes.samples()
+        return times, values.astype(np.int64)
 
 
 def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,

@@ -3,7 +3,7 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ...messages.batch import Array
+from ...messages.batch import Array, are_rows_equal
 
 PartRows = Tuple[Array, Optional[Array]]
 """Values of messages, shape (n, columns), and the rows that count (None: all)."""
@@ -48,7 +48,7 @@ def publishers_of(position: Array, names: Optional[Array], usual: Optional[Tuple
         names: Their names likewise; None where they were not read: all of the usual length are from one publisher.
         usual: Label and length of that one.
     """
-    if position.dtype != object and (names is None or names.dtype != object and (names[1:] == names[:-1]).all()):
+    if position.dtype != object and (names is None or names.dtype != object and are_rows_equal(names)):
         label = label_of(position.shape[1], names[0] if names is not None and len(names) else None)
         return Publishers([usual[0] if names is None and usual is not None and usual[1] == position.shape[1]
                            else label], np.zeros(len(position), np.int64))
