@@ -101,11 +101,15 @@ def are_rows_equal(rows_of_bytes: Array) -> bool:
     return bool((flat[size:] == flat[:-size]).all()) if size else True
 
 
-def columns_at(rows_of_bytes: Array, begin: int, width: int) -> Array:
-    """Return bytes ``begin`` up to ``begin + width`` (at least 1) of each row of a contiguous uint8 matrix, copied."""
-    count, size = rows_of_bytes.shape
-    opaque = np.ndarray((count,), np.dtype("V%d" % width), rows_of_bytes, begin, (size,))
-    return opaque.copy().view(np.uint8).reshape(count, width)
+def columns_at(matrices: Sequence[Array], begin: int, width: int) -> Array:
+    """Return bytes ``begin`` up to ``begin + width`` (at least 1) of each row of contiguous uint8 matrices, joined."""
+    opaque = np.dtype("V%d" % width)
+    made = np.empty(sum(map(len, matrices)), opaque)
+    done = 0
+    for matrix in matrices:
+        made[done:done + len(matrix)] = np.ndarray((len(matrix),), opaque, matrix, begin, (matrix.shape[1],))
+        done += len(matrix)
+    return made.view(np.uint8).reshape(-1, width)
 
 
 def windows(data: Array, width: int) -> Array:

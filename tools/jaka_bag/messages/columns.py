@@ -43,14 +43,7 @@ class Columns(NamedTuple):
     fields: Dict[str, Array]
 
 
-def _strings(matrix: Array, leaf: Leaf) -> Array:
-    width = max(leaf.counts, default=0)
-    if width == 0:
-        return np.zeros((len(matrix), len(leaf.counts)), "S1")
-    size = sum(leaf.counts) + _LENGTH * (len(leaf.counts) - 1)
-    if len(matrix) >= _MANY_ROWS and leaf.offsets[-1] + leaf.counts[-1] - leaf.offsets[0] == size and are_rows_equal(
-            columns_at(matrix, leaf.offsets[0], size)):
-        return np.repeat(_strings(matrix[:1], leaf), len(matrix), axis=0)
+def _strings(matrix: Array, leaf: Leaf, width: int) -> Array:
     padded = np.zeros((len(matrix), len(leaf.counts), width), np.uint8)
     for i, (at, count) in enumerate(zip(leaf.offsets, leaf.counts)):
         padded[:, i, :count] = matrix[:, at:at + count]
@@ -71,18 +64,38 @@ def is_ragged(column: Array) -> bool:
     return column.dtype == object and not (len(column) > 0 and isinstance(column[0], bytes))
 
 
-def leaf_values(matrix: Array, leaf: Leaf) -> Array:
-    """Return a field of messages of one layout: shape (n,), or (n, values) for an array."""
+def _texts(rows: Sequence[Array], leaf: Leaf) -> Array:
+    """Return the texts of messages, shape (n, texts); as objects where one ends with a zero."""
+    width = max(leaf.counts, default=0)
+    if width == 0:
+        return np.zeros((sum(map(len, rows)), len(leaf.counts)), "S1")
+    first, size = leaf.offsets[0], leaf.offsets[-1] + leaf.counts[-1] - leaf.offsets[0]
+    matrix, leaf = columns_at(rows, first, size), leaf._replace(offsets=tuple(at - first for at in leaf.offsets))
+    is_dense = size == sum(leaf.counts) + _LENGTH * (len(leaf.counts) - 1)
+    is_constant = is_dense and len(matrix) >= _MANY_ROWS and are_rows_equal(matrix)
+    some = matrix[:1] if is_constant else matrix
+    ends = [at + count - 1 for at, count in zip(leaf.offsets, leaf.counts) if count]
+    if not some[:, ends].all():
+        return _exact_strings(matrix, leaf)
+    return np.repeat(_strings(some, leaf, width), len(matrix), axis=0) if is_constant else _strings(some, leaf, width)
+
+
+def leaf_values(rows: Sequence[Array], leaf: Leaf) -> Array:
+    """Return a field of messages of one layout: shape (n,), or (n, values) for an array.
+
+    Args:
+        rows: Bytes of the messages, uint8, shape (some, length of the layout) each, contiguous.
+        leaf: The field.
+    """
     if leaf.type == "string":
-        ends = [at + count - 1 for at, count in zip(leaf.offsets, leaf.counts) if count]
-        if not matrix[:, ends].all():
-            return _exact_strings(matrix, leaf)
-        values = _strings(matrix, leaf)
+        values = _texts(rows, leaf)
+        if values.dtype == object:
+            return values
     else:
         kind = _TYPES[leaf.type]
-        runs = [columns_at(matrix, at, count * kind.itemsize)
-                for at, count in zip(leaf.offsets, leaf.counts) if count]
-        raw = runs[0] if len(runs) == 1 else np.concatenate([matrix[:, :0], *runs], axis=1)
+        runs = [columns_at(rows, at, count * kind.itemsize) for at, count in zip(leaf.offsets, leaf.counts) if count]
+        raw = runs[0] if len(runs) == 1 else np.concatenate(
+            [np.zeros((sum(map(len, rows)), 0), np.uint8), *runs], axis=1)
         values = raw.view(kind) if raw.shape[1] else np.zeros(raw.shape, kind)
         if kind.names:  # seconds and nanoseconds
             values = values["f0"].astype(np.int64) * NS_PER_S + values["f1"]
@@ -194,8 +207,7 @@ def part_of(pieces: Sequence[Grouped], fields: Optional[Container[str]] = None) 
         base += len(piece.log_time)
     taken = []
     for key, layout in layouts.items():
-        matrix = _joined(rows.pop(key))
-        taken.append(_Taken(_joined(where[key]), {name: leaf_values(matrix, leaf)
+        taken.append(_Taken(_joined(where[key]), {name: leaf_values(rows[key], leaf)
                                                   for name, leaf in layout.leaves.items()
                                                   if fields is None or name in fields}))
     return Part(_joined([piece.log_time for piece in pieces]), _joined([piece.publish_time for piece in pieces]), taken)

@@ -205,10 +205,11 @@ class LayoutFinder:
                     if self._count < _MAX_CACHED:
                         known.append(layout)
                         self._count += 1
-                fits = (matrix[:, layout.lengths_at] == layout.lengths).all(axis=1)
-                if fits.all():
+                alike = matrix[:, layout.lengths_at] == layout.lengths
+                if alike.all():
                     yield Group(layout, rest, matrix)
                     break
+                fits = alike.all(axis=1)
                 if fits.any():
                     yield Group(layout, rest[fits], matrix[fits])
                     rest, matrix = rest[~fits], matrix[~fits]

@@ -60,7 +60,7 @@ def _text_time(ns: int) -> str:
 
 def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
     """Return the ``width`` CSV columns of a field."""
-    values = leaf_values(rows, leaf)
+    values = leaf_values([rows], leaf)
     if is_bytes(leaf):
         return [[row.tobytes().hex() for row in values]]
     if leaf.is_array and values.dtype == object:

@@ -59,6 +59,12 @@ class Curve:
             pieces.append(both[fresh:])
         self.time, self._both = np.concatenate(times), np.concatenate(pieces)
 
+    def values_at(self, times: Array) -> Array:
+        """Return values alone; see ``at``."""
+        joints = self._both.shape[1] // 2
+        values = interpolated(self.time, self._both[:, :joints], times.ravel())
+        return values.reshape((*times.shape, joints))
+
     def at(self, times: Array) -> Tuple[Array, Array]:
         """Return values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
         joints = self._both.shape[1] // 2
@@ -125,7 +131,7 @@ def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[TimeWindow]
     # pace and lag change step by step, and no farther than this
     middle, reach = edges.mean(axis=1) + around, (edges[:, 1] - edges[:, 0]) + _FARTHEST_S + reach_s
     there = list(zip((middle - reach).tolist(), (middle + reach).tolist()))
-    return Motions(times, Curve(golden, spans).at(times)[0], Curve(candidate, there))
+    return Motions(times, Curve(golden, spans).values_at(times), Curve(candidate, there))
 
 
 def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array, Array, Array, Array]:
@@ -190,7 +196,7 @@ def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
 
 
 def _costs(motions: Motions, lag: Array) -> Array:
-    residual = motions.values - motions.candidate.at(motions.times + lag[:, None])[0]
+    residual = motions.values - motions.candidate.values_at(motions.times + lag[:, None])
     cost: Array = np.sqrt((residual * residual).sum(axis=2)).mean(axis=1)
     return cost
 

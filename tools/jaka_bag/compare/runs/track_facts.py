@@ -48,7 +48,9 @@ class SpanFinder:
         both = 2 * self._reach
         if len(time) > both:
             span = np.maximum(time[both:] - time[:-both], 1e-6)
-            moving = largest(np.abs((value[both:] - value[:-both]) / span[:, None])) > MOVING_RAD_S
+            speed = value[both:] - value[:-both]
+            speed /= span[:, None]
+            moving = largest(np.abs(speed, out=speed)) > MOVING_RAD_S
             self._judge(time[self._reach:-self._reach], value[self._reach:-self._reach], moving)
         self._time, self._value = time[-both:].copy(), value[-both:].copy()
 
