@@ -68,6 +68,18 @@ def test_golden_time_never_steps_back_and_runs_at_the_golden_pace_in_a_motion():
     assert np.interp([0.5, 1.5, 2.0, 7.0], time, golden) == pytest.approx([0.0, 1.0, 1.5, 7.2], abs=1e-6)
 
 
+def test_motions_that_are_added_later_count_in_golden_times():
+    first, second = Episode("", 1.0, 3.0, 0.5, None, 2.0, 0.0, True), Episode("", 3.4, 5.0, -0.2, None, 1.6, 0.0, True)
+    time = np.linspace(0.0, 8.0, 100)
+    grown = Alignment(0.3, "", {"": (first,)})
+    before = grown.golden_time("", time)
+    grown.episodes[""] += (second,)
+    whole = Alignment(0.3, "", {"": (first, second)})
+    assert (grown.golden_time("", time) == whole.golden_time("", time)).all()
+    assert (before != whole.golden_time("", time)).any()
+    assert grown.motion_numbers("", np.array([0.5, 1.0, 3.2, 3.4])).tolist() == [0, 1, 1, 2]
+
+
 def test_two_arms_that_drift_apart_are_found(tmp_path):
     left, right = (simulate(moves(3, seed=seed), quiet()) for seed in (1, 2))
     late_left = simulate(moves(3, seed=1), quiet(start_s=1.0))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaka_bag.compare.checks.rotation_angles import continuous, quaternions
-from jaka_bag.compare.matching.curve_distance import distances, interpolated, lateness, lengths
+from jaka_bag.compare.matching.curve_distance import box_distances, distances, interpolated, lateness, lengths
 from jaka_bag.operations.tool_poses import rotation_vectors
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, rotation_angle_between
 
@@ -86,3 +86,23 @@ def test_a_silence_of_the_sender_and_a_steady_rhythm_excuse_nothing():
     assert lateness(time, 0.5).max() < 1e-9
     assert lateness(np.arange(0.0, 5.0, 0.016), 0.5).max() < 1e-9
     assert lateness(np.array([0.0, 9.0]), 0.5).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.02, 0.05, 0.2, 1.5])  # a few rows to either side, and many
+def test_how_far_a_value_is_from_a_curve_s_range_is_as_sought_one_by_one(columns, jitter_s):
+    random = np.random.RandomState(4)
+    time = np.cumsum(random.uniform(0.004, 0.012, 900))
+    value = np.cumsum(random.normal(0.0, 0.1, (900, columns)), axis=0)
+    at = np.sort(random.uniform(time[0], time[-1], 200))
+    sought = interpolated(time, value, at) + random.normal(0.0, 0.5, (200, columns))
+    found = box_distances(time, value, at, sought, np.full(200, jitter_s))
+    for number, moment in enumerate(at.tolist()):
+        first = int(np.searchsorted(time, moment - jitter_s, "right")) - 1
+        last = int(np.searchsorted(time, moment + jitter_s))
+        off = 0.0
+        if first >= 0 and last < len(time):
+            part = value[first:last + 1]
+            off = np.linalg.norm(np.maximum(np.maximum(part.min(axis=0) - sought[number],
+                                                       sought[number] - part.max(axis=0)), 0.0))
+        assert found[number] == pytest.approx(off, abs=1e-12)

@@ -7,6 +7,7 @@ import pytest
 from log_samples import BREAK, START_NS, Sample, connection, text, write
 
 from jaka_bag.containers.registry import open_log
+from jaka_bag.messages.batch import are_rows_equal, columns_at, largest
 from jaka_bag.messages.selection import Selection
 from jaka_bag.operations.columns import read_columns
 from jaka_bag.operations.export import export
@@ -106,3 +107,26 @@ def test_an_array_of_messages_without_fields_is_a_column_of_their_number(tmp_pat
                                         for i, count in enumerate((2, 0, 5))])
     fields = read_columns(log)[kind.topic].fields
     assert sorted(fields) == ["last", "some"] and fields["some"].tolist() == [2, 0, 5]
+
+
+def test_parts_of_rows_of_several_matrices_are_joined():
+    matrices = [np.arange(60, dtype=np.uint8).reshape(6, 10), np.arange(100, 120, dtype=np.uint8).reshape(2, 10)]
+    for begin, width in ((0, 10), (3, 1), (7, 3)):
+        expected = np.concatenate(matrices)[:, begin:begin + width]
+        assert (columns_at(matrices, begin, width) == expected).all()
+        assert (columns_at(matrices[:1], begin, width) == expected[:6]).all()
+
+
+def test_rows_of_equal_bytes_are_told_from_others():
+    names = np.array([[b"a", b"bc"]] * 5)
+    assert are_rows_equal(names) and are_rows_equal(names[:1]) and are_rows_equal(names[:0])
+    assert are_rows_equal(np.zeros((5, 0), "S1"))
+    for row in range(5):
+        other = names.copy()
+        other[row, 1] = b"bd"
+        assert not are_rows_equal(other)
+
+
+def test_the_largest_of_each_row_is_that_of_numpy():
+    values = np.array([[1.0, 3.0, -2.0], [np.nan, 1.0, 2.0], [-1.0, -5.0, -np.inf], [2.0, 0.0, np.inf]])
+    assert np.array_equal(largest(values), values.max(axis=1), equal_nan=True)
