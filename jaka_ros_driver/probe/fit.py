@@ -3,27 +3,41 @@
 The S-curve is a trapezoid of speed, smoothed over the time in which acceleration builds up; it is what the simulated
 arm does with ruckig, and without that time what it does without.
 """
+import functools
 import math
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 SampledCurve = List[Tuple[float, float]]
 """Points of a curve: s, deg."""
 
-SHARES = (0.2, 4.0)
-JERK_TIMES = (0.0, 0.2)
-"""The ends of what is looked for: acceleration as a share of the asked-for one, and s in which it builds up."""
+SHARES = (0.15, 5.2)
+JERK_TIMES = (0.0, 0.26)
+"""The ends of what is looked for: acceleration as a share of the asked-for one, and s in which it builds up.
+
+They lie beyond those of the dimensions, so that an arm at the end of one is settled, too.
+"""
 LEAST_FRAMES = 8
 """Frames of the motion that a fit needs."""
+_LEAST_OF_OTHERS = 3
+"""Frames of a motion that adds to others."""
 WORST_MISFIT = 0.02
 """Largest mean distance of the frames from the curve, as a share of the way: beyond it the arm moves otherwise."""
-_WIDEST_SHARE, _WIDEST_JERK_S = 1.4, 0.06
-"""Widest ranges, as a ratio and in s, of values that fit as well: beyond them a value is not settled."""
-_LIKELY, _ROUNDING = 8.0, 0.0001
-"""Limits of what fits as well: the misfit's logarithm grows by the first over the number of frames at most, the
-misfit by the second.
+_WIDEST_SHARE, _WIDEST_JERK_S = 1.15, 0.04
+"""Largest distances, as a ratio and in s, of values that fit as well: beyond them a value is not settled."""
+_LIKELY, _ALIKE = 5.0, 0.002
+"""Limits of what fits as well: the logarithm of the frames' error grows by the first over the number of those that
+move at most, the error by the second.
 """
-_STEP, _JERK_STEP_S, _HALVINGS = 1.12, 0.01, 6
-"""Factor from share to share, and step, s, of the coarse search; halvings of that factor, down to 0.2 %."""
+_AGE_S, _ROUNDING_DEG = 0.004, 0.001
+"""Mean age, s, of what a frame shows, half a cycle of the controller, and error, deg, of a frame at rest: where the arm
+is slow a frame tells more of its place than where it is fast.
+"""
+_AT_REST = 2
+"""Frames before and after a motion that count, too: they tell when it had not begun yet, and when it was over."""
+_FINE, _STRIDES, _JERK_STEP_S = 1.0001, (1024, 512, 256, 128, 64, 32, 16, 8, 4, 2, 1), 0.01
+"""Factor from share to share; numbers of such steps in the search, one after the other; step of the other search, s."""
+_PLACES = int(math.log(SHARES[1] / SHARES[0]) / math.log(_FINE)) + 1
+"""Number of shares that can be found."""
 _MOVED = 0.005
 """Share of the way that counts as the beginning and as the end of the motion."""
 _TABLE = 100
@@ -69,6 +83,11 @@ class SCurve(NamedTuple):
         if jerk < 1e-6:
             return self._plain(seconds, peak)
         return (self._sum(seconds, peak) - self._sum(seconds - jerk, peak)) / jerk
+
+    def rate(self, seconds: float) -> float:
+        """Return the speed so long after the beginning, deg/s."""
+        peak, span = self.peak, max(self.jerk_time, 1e-6)
+        return (self._plain(seconds, peak) - self._plain(seconds - span, peak)) / span
 
     def _plain(self, seconds: float, peak: float) -> float:
         """Return the way of the trapezoid alone, deg."""
@@ -136,13 +155,24 @@ class Fit(NamedTuple):
     def has_share(self) -> bool:
         """True where the share is settled."""
         low, high = self.shares
-        return high <= _WIDEST_SHARE * low and SHARES[0] * 1.02 < low and high < SHARES[1] / 1.02
+        return (max(high / self.share, self.share / low) <= _WIDEST_SHARE
+                and SHARES[0] * 1.02 < low and high < SHARES[1] / 1.02)
 
     @property
     def has_jerk_time(self) -> bool:
         """True where the time in which acceleration builds up is settled."""
         low, high = self.jerk_times
-        return self.has_share and high - low <= _WIDEST_JERK_S and high < JERK_TIMES[1] - 0.005
+        return (self.has_share and max(high - self.jerk_time, self.jerk_time - low) <= _WIDEST_JERK_S
+                and high < JERK_TIMES[1] - 0.005)
+
+
+class _Tried(NamedTuple):
+    """The distance of frames from the best S-curves of one share and jerk time: in errors of a frame, and in ways."""
+
+    error: float
+    share: float
+    jerk_time: float
+    misfit: float
 
 
 def progress(curve: Sequence[Tuple[float, float]]) -> SampledCurve:
@@ -180,62 +210,88 @@ def times_of(at: Callable[[float], float], duration: float, way: float,
     return found
 
 
-def fitted(motions: Sequence[SeenMotion]) -> Optional[Fit]:
+def fitted(motions: Sequence[SeenMotion], others: Sequence[SeenMotion] = ()) -> Optional[Fit]:
     """Return the S-curve that fits frames of motions from rest to rest; None where they are too few, or none fits.
 
     A slow acceleration shows its share, a fast one the time in which it builds up; each motion begins when it likes.
+    Others count where enough frames show them.
     """
-    prepared: List[Tuple[float, SeenMotion, SampledCurve]] = []
-    for motion in motions:
-        whole = progress(motion.curve) if len(motion.curve) > 2 else [(0.0, 0.0)]
-        points = sorted(moving(whole), key=lambda point: point[1])
-        if len(points) < LEAST_FRAMES:
-            return None
-        prepared.append((whole[-1][1], motion, points))
-
-    def tried(share: float, jerk_time: float) -> float:
-        """Return the mean distance of the frames from the best S-curves of these, as a share of the way."""
-        found = 0.0
-        for way, motion, points in prepared:
-            one = SCurve.of(way, motion.speed, share * motion.acceleration, jerk_time)
-            passed = times_of(one.at, one.duration, way, [place for _, place in points])
-            delay = _delay(points, passed)
-            found += sum(abs(place - one.at(at - delay)) for at, place in points) / (len(points) * way)
-        return found / len(prepared)
-
-    shares = [SHARES[0] * _STEP ** n for n in range(int(math.log(SHARES[1] / SHARES[0]) / math.log(_STEP)) + 1)]
-    jerks = [_JERK_STEP_S * n for n in range(int(round(JERK_TIMES[1] / _JERK_STEP_S)) + 1)]
-    rows: List[Tuple[float, float, float]] = []
-    for jerk in jerks:  # along the valley: a longer jerk time and a higher share are nearly the same
-        low_cost, middle = min((tried(share, jerk), share) for share in shares)
-        rows.append((low_cost, middle, jerk))
-        ratio = _STEP
-        for _ in range(_HALVINGS):
-            ratio = ratio ** 0.5
-            around = [(tried(middle * change, jerk), middle * change, jerk) for change in (1.0 / ratio, ratio)]
-            rows += around
-            middle = min(rows[-1], rows[-2], (low_cost, middle, jerk))[1]
-            low_cost = min(low_cost, rows[-1][0], rows[-2][0])
-    misfit, share, jerk = min(rows)
-    if misfit > WORST_MISFIT:
+    seen = [_Frames.of(motion) for motion in (*motions, *others)]
+    if any(len(one.points) < LEAST_FRAMES for one in seen[:len(motions)]):
         return None
-    worst = misfit * math.exp(_LIKELY / sum(len(points) for _, _, points in prepared)) + _ROUNDING
-    near = [row for row in rows if row[0] <= worst]
-    return Fit(share, jerk, misfit, (min(row[1] for row in near), max(row[1] for row in near)),
-               (min(row[2] for row in near), max(row[2] for row in near)))
+    seen = [one for one in seen if len(one.points) >= _LEAST_OF_OTHERS]
+    total = sum(len(one.frames) for one in seen)
+    telling = sum(len(one.points) - 1 for one in seen)  # one is spent on when a motion began
+
+    @functools.lru_cache(maxsize=None)
+    def tried(place: int, jerk_time: float) -> _Tried:
+        share, errors, ways = SHARES[0] * _FINE ** place, 0.0, 0.0
+        for one in seen:
+            curve = one.curve(share, jerk_time)
+            delay = one.delay(curve)
+            for at, there in one.frames:
+                distance = abs(there - curve.at(at - delay))
+                errors += distance / _error(curve.rate(at - delay))
+                ways += distance / curve.way
+        return _Tried(errors / total, share, jerk_time, ways / total)
+
+    best = 0
+    rows: List[_Tried] = []
+    for jerk in [_JERK_STEP_S * n for n in range(int(round(JERK_TIMES[1] / _JERK_STEP_S)) + 1)]:
+        if not rows:
+            best = min(range(0, _PLACES, _STRIDES[0]), key=lambda place: tried(place, jerk))
+        for stride in _STRIDES:  # along the valley: a longer jerk time and a higher share are nearly the same
+            while True:
+                around = [place for place in (best, best - stride, best + stride) if 0 <= place < _PLACES]
+                rows += [tried(place, jerk) for place in around]
+                nearest = min(around, key=lambda place: tried(place, jerk))
+                if nearest == best:
+                    break
+                best = nearest
+    found = min(rows)
+    if found.misfit > WORST_MISFIT:
+        return None
+    near = [row for row in rows if row.error <= found.error * math.exp(_LIKELY / telling) + _ALIKE]
+    shares, jerk_times = [row.share for row in near], [row.jerk_time for row in near]
+    return Fit(found.share, found.jerk_time, found.misfit, (min(shares), max(shares)),
+               (min(jerk_times), max(jerk_times)))
 
 
 def delay_of(motion: SeenMotion, fit: Fit) -> float:
     """Return when a motion began, on its curve's clock, s."""
-    whole = progress(motion.curve)
-    way = whole[-1][1]
-    points = sorted(moving(whole), key=lambda point: point[1])
-    one = SCurve.of(way, motion.speed, fit.share * motion.acceleration, fit.jerk_time)
-    return _delay(points, times_of(one.at, one.duration, way, [place for _, place in points]))
+    one = _Frames.of(motion)
+    return one.delay(one.curve(fit.share, fit.jerk_time))
 
 
-def _delay(points: Sequence[Tuple[float, float]], passed: Sequence[Tuple[float, float]]) -> float:
-    return weighted_median([(at - when, rate) for (at, _), (when, rate) in zip(points, passed)])
+class _Frames(NamedTuple):
+    """The frames of one motion: those that move by their place, and with those around them by their time."""
+
+    motion: SeenMotion
+    way: float
+    points: SampledCurve
+    frames: SampledCurve
+
+    @classmethod
+    def of(cls, motion: SeenMotion) -> "_Frames":
+        whole = progress(motion.curve) if len(motion.curve) > 2 else [(0.0, 0.0)]
+        points = moving(whole)
+        first, last = (whole.index(points[0]), whole.index(points[-1])) if points else (0, 0)
+        return cls(motion, whole[-1][1], sorted(points, key=lambda point: point[1]),
+                   whole[max(0, first - _AT_REST):last + 1 + _AT_REST])
+
+    def curve(self, share: float, jerk_time: float) -> SCurve:
+        return SCurve.of(self.way, self.motion.speed, share * self.motion.acceleration, jerk_time)
+
+    def delay(self, curve: SCurve) -> float:
+        """Return when the motion began if this is its curve, s."""
+        passed = times_of(curve.at, curve.duration, self.way, [place for _, place in self.points])
+        return weighted_median([(at - when, rate / _error(rate))
+                                for (at, _), (when, rate) in zip(self.points, passed)])
+
+
+def _error(rate: float) -> float:
+    """Return the error, deg, of a frame that shows an arm of this speed, deg/s."""
+    return rate * _AGE_S + _ROUNDING_DEG
 
 
 def weighted_median(rows: Sequence[Tuple[float, float]]) -> float:

@@ -24,12 +24,13 @@ from jaka_ros_driver.probe.moving import (
     SLOW,
     MoveStep,
     Moving,
+    sampled,
 )
 from jaka_ros_driver.probe.pendant_steps import NOT_ENABLED, PROGRAM, PROGRAM_MOVES
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.servo_steps import AHEAD, frames_ahead, leave_servo, servo_off_time, starve, stop_servo
 from jaka_ros_driver.probe.set_same import PrintLine, StageEnded
-from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, AskedMotion
+from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, RETURN, STOP, AskedMotion
 from jaka_ros_driver.state import RobotState, unrest
 from jaka_ros_driver.units import deg_to_rad, rad_to_deg
 
@@ -58,11 +59,14 @@ _LOSS_SPEED, _LOSS_WATCHED_S, _LOSS_UNSURE_S = deg_to_rad(0.25), 12.0, 0.3
 """Speed, rad/s, of the move whose client is lost, which ends by itself in the room; for how long it is watched, s; the
 largest difference, s, of its time from what its way tells.
 """
+_GENTLE_REST_S = 0.6
+"""Time, s, at one place that is rest after a gentle move: one of a fifth of its acceleration creeps at its end."""
 _JUNCTION, _AROUND, _BLEND_M = 1.25, 0.2, 0.005
 """Place of the junction of two moves, and the way around it that is looked at, deg; the first one's tolerance, m."""
 
 ASKED = {name: AskedMotion(rad_to_deg(speed), rad_to_deg(acceleration)) for name, speed, acceleration in (
-    (MOVE, SLOW, ACCELERATION), (OUT, MEDIUM, GENTLE), (BACK, MEDIUM, GENTLE), (STOP, MEDIUM, ACCELERATION))}
+    (MOVE, SLOW, ACCELERATION), (OUT, MEDIUM, GENTLE), (BACK, MEDIUM, GENTLE), (STOP, MEDIUM, ACCELERATION),
+    (RETURN, SLOW, ACCELERATION))}
 """The speeds and accelerations that were asked for in the motions whose curves are kept."""
 
 
@@ -79,7 +83,7 @@ def _first_move(it: Moving) -> None:
                                    "joint 6 was first seen to move %.3f s after the reply" % (began - accepted))
     it.arm.wait(10.0, lambda: it.arm.has_rested(REST_S, began + REST_S))
     it.arm.wait(_LATE_INPOS_S)
-    it.curves[MOVE] = _curve(it.arm.seen, began, it.home)
+    it.curves[MOVE] = sampled(it.arm.seen, began, it.home)
     it.facts["inpos"] = inpos_fact(it.arm.seen, began)
 
 
@@ -88,11 +92,11 @@ def _profile(it: Moving) -> None:
         accepted = it.move(degrees, MEDIUM, GENTLE)
         begun, target = it.arm.position, it.place(degrees)
         if not it.arm.wait(LONGEST_DELAY_S + 8.0, lambda: abs(it.arm.position - target) <= NEAR  # noqa: B023
-                           and it.arm.has_rested(REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+                           and it.arm.has_rested(_GENTLE_REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
             raise MotionEnded("it did not arrive")
         frames = [one for one in it.arm.seen if one.at >= accepted]
         moved_at = next((one.at for one in frames if abs(one.position - begun) >= MOVED_RAD), accepted)
-        it.curves[name] = _curve([one for one in frames if one.at >= moved_at - 2.0 * REST_S], accepted, it.home)
+        it.curves[name] = sampled([one for one in frames if one.at >= moved_at - 2.0 * REST_S], accepted, it.home)
 
 
 def inpos_fact(seen: Sequence[Seen], began: float) -> Fact:
@@ -123,7 +127,7 @@ def _stop_move(it: Moving) -> None:
     at = time.monotonic()
     it.arm.require(Stop())
     it.arm.wait(2.0, lambda: it.arm.has_rested(REST_S, at))
-    it.curves[STOP] = _curve(it.arm.seen, at, it.home)
+    it.curves[STOP] = sampled(it.arm.seen, at, it.home)
     facts = stop_facts(it.arm.seen, at)
     if abs(it.arm.position - it.place(2.5)) <= NEAR:
         facts = {"stop_ends_move": Fact(False, "the move went on to its end")}
@@ -160,9 +164,9 @@ def _blend(it: Moving) -> None:
         it.move(end, MEDIUM, GENTLE, tolerance)
         target = it.place(end)
         if not it.arm.wait(LONGEST_DELAY_S + 10.0, lambda: abs(it.arm.position - target) <= NEAR  # noqa: B023
-                           and it.arm.has_rested(REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+                           and it.arm.has_rested(_GENTLE_REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
             raise MotionEnded("it did not arrive")
-        found.append(dwell(_curve([one for one in it.arm.seen if one.at >= accepted], accepted, it.home)))
+        found.append(dwell(sampled([one for one in it.arm.seen if one.at >= accepted], accepted, it.home)))
     it.facts["joint_blend"] = blend_fact(dwell(it.curves.get(OUT, [])), found[0], found[1])
 
 
@@ -192,10 +196,6 @@ def blend_fact(passing: Optional[float], with_tolerance: Optional[float], withou
         return Fact(None, how + ": no stop shows without a tolerance either")
     share = (with_tolerance - passing) / (without - passing)
     return Fact(True if share <= 0.3 else False if share >= 0.7 else None, how)
-
-
-def _curve(seen: Sequence[Seen], at: float, home: float) -> SampledCurve:
-    return [(round(one.at - at, 4), round(rad_to_deg(one.position - home), 4)) for one in seen]
 
 
 def _stop_jog(it: Moving) -> None:
@@ -280,7 +280,7 @@ def loss_facts(seen: Sequence[Seen], cut: float, target: float) -> Facts:
 STEPS: Tuple[MoveStep, ...] = (
     MoveStep("moves joint 6 by 2 deg at 2 deg/s: when does it begin, when is inpos true?", ("start_delay", "inpos"),
          _first_move),
-    MoveStep("moves it by 2.5 deg and back at 3 deg/s, accelerating at 4 deg/s2: how does its acceleration build up?",
+    MoveStep("moves it by 2.5 deg and back at 3 deg/s, accelerating at 1.5 deg/s2: how does its acceleration build up?",
              (), _profile),
     MoveStep("moves it by 2.5 deg at 3 deg/s and stops it after 0.8 deg by stop_program: how long does that take?",
          ("stop_ends_move", "stop_time", "stop_distance", "stop_deceleration"), _stop_move),

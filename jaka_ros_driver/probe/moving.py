@@ -1,16 +1,17 @@
 """The common part of the steps of the stage that moves: its joint and speeds, moves, jogs, servo mode, the way back."""
 import time
-from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import ClearError, Jog, JogFrame, JointMove, Query, SetServoMode
 from jaka_ros_driver.errors import ProtocolError
 from jaka_ros_driver.probe.facts import Fact, Facts
 from jaka_ros_driver.probe.fit import SampledCurve
-from jaka_ros_driver.probe.motion import REST_RAD, MotionEnded, Mover
+from jaka_ros_driver.probe.motion import REST_RAD, MotionEnded, Mover, Seen
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.set_same import PrintLine, StageEnded
+from jaka_ros_driver.probe.twin import RETURN
 from jaka_ros_driver.protocol import codec
-from jaka_ros_driver.units import deg_to_rad
+from jaka_ros_driver.units import deg_to_rad, rad_to_deg
 
 AXIS = 5
 """The joint that moves, 0 to 5: the flange, which turns the tool and moves nothing else."""
@@ -18,8 +19,8 @@ MOVED_RAD = 2e-4
 """Change, rad, of a joint that has begun to move."""
 SLOW, MEDIUM, JOG_SPEED = deg_to_rad(2.0), deg_to_rad(3.0), deg_to_rad(1.5)
 """Speeds of moves and jogs, rad/s; 5 % of the slowest joint of any model is more."""
-ACCELERATION, GENTLE = deg_to_rad(60.0), deg_to_rad(4.0)
-"""Accelerations of moves, rad/s2; the second is so small that frames show how it builds up."""
+ACCELERATION, GENTLE = deg_to_rad(60.0), deg_to_rad(1.5)
+"""Accelerations of moves, rad/s2; with the second even a slow feed shows an arm that accelerates four times as fast."""
 LONGEST_DELAY_S = 25.0
 """Longest wait, s, for an accepted motion to begin."""
 REST_S = 0.25
@@ -28,6 +29,8 @@ ENTER_S = 3.0
 """Longest wait, s, for servo mode to be on, or off."""
 NEAR = deg_to_rad(0.05)
 """Largest distance, rad, from a target that was reached."""
+_LEAST_RETURN_RAD = deg_to_rad(0.4)
+"""Shortest way back, rad, whose curve is kept: some frames show it."""
 
 
 class Moving:
@@ -112,6 +115,22 @@ class Moving:
             raise MotionEnded("the arm did not come back")
 
 
+    def keep_return(self) -> None:
+        """Keep the curve of the way back that was just gone, from a rest to a rest, where it is long enough."""
+        seen = self.arm.seen
+        if abs(seen[-1].position - seen[0].position) < _LEAST_RETURN_RAD:
+            return
+        moved_at = next(one.at for one in seen if abs(one.position - seen[0].position) >= MOVED_RAD)
+        number = 1 + sum(name.startswith(RETURN) for name in self.curves)
+        self.curves["%s %d" % (RETURN, number)] = sampled(
+            [one for one in seen if one.at >= moved_at - 2.0 * REST_S], moved_at, self.home)
+
+
+def sampled(seen: Sequence[Seen], at: float, home: float) -> SampledCurve:
+    """Return frames as a curve that begins at a moment, s, in degrees from home, rad."""
+    return [(round(one.at - at, 4), round(rad_to_deg(one.position - home), 4)) for one in seen]
+
+
 def come_back(it: Moving, person: Person, tell: PrintLine) -> None:
     """Clear the fault that a starved stream may have caused, and move back home; raise StageEnded where that fails."""
     it.arm.idle()
@@ -125,6 +144,7 @@ def come_back(it: Moving, person: Person, tell: PrintLine) -> None:
     why = it.arm.run(it.back)
     if why:
         raise StageEnded(why)
+    it.keep_return()
 
 
 class MoveStep(NamedTuple):

@@ -6,6 +6,7 @@ from jaka_ros_driver.probe.facts import DESCRIBED, Facts
 from jaka_ros_driver.probe.fields import TABLES
 from jaka_ros_driver.probe.report import differences, firmware_of, words
 from jaka_ros_driver.probe.statements import STATEMENTS, Verdict, verdicts
+from jaka_ros_driver.probe.twin import RETURN
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #1a1a1a; }
@@ -52,7 +53,8 @@ def _body(content: Mapping[str, Any], facts: Facts) -> Iterator[str]:
         yield "<ul>%s</ul>" % "".join("<li>%s</li>" % _text(line.strip()) for line in lines) if lines else (
             "<p>Nothing that was looked for.</p>")
     for name, points in content["curves"].items():
-        yield "<h2>%s</h2>%s" % (_text(_TITLES.get(name, name)), curve(points))
+        if not name.startswith(RETURN):  # these are many and alike
+            yield "<h2>%s</h2>%s" % (_text(_TITLES.get(name, name)), curve(points))
     yield "<h2>Settled</h2>"
     yield _table(("what", "found", "how"), [
         (DESCRIBED[name].meaning, _value(facts, name), "; ".join(filter(None, [facts[name].how, facts[name].spread])))

@@ -1,6 +1,7 @@
 """The simulated arm that a report makes: how it is to accelerate, and how far it then is from the arm that was seen.
 
-The curves of the stage move are what it is made of: two motions for the fit, and two others to compare with.
+The curves of the stage move are what it is made of: two motions and the ways home for the fit, and two others to
+compare with.
 """
 import bisect
 import math
@@ -16,8 +17,11 @@ from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, Plant
 from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.units import deg_to_rad, rad_to_deg
 
-MOVE, OUT, BACK, STOP = "move", "out", "back", "stop"
-"""Names of the curves. Times count from the acceptance of ``out`` and ``back``, and from the sending of the stop."""
+MOVE, OUT, BACK, STOP, RETURN = "move", "out", "back", "stop", "return"
+"""Names of the curves. Times count from the acceptance of ``out`` and ``back``, and from the sending of the stop.
+
+The ways home after the steps are returns: a number follows the word.
+"""
 WITHIN = 0.95
 """Share of the frames that are within the stated error."""
 POOR_SHARE = 0.1
@@ -55,7 +59,8 @@ def twin_facts(facts: Facts, curves: Dict[str, SampledCurve], asked: Dict[str, A
         asked: What each was asked to do.
     """
     motions = [SeenMotion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
-    fit = fitted(motions) if len(motions) == 2 else None
+    returns = [SeenMotion(curve, *asked[RETURN]) for name, curve in curves.items() if name.startswith(RETURN)]
+    fit = fitted(motions, returns) if len(motions) == 2 else None
     found = _fit_facts(fit, motions)
     unsure = 0.0
     if fit is not None and fit.has_share and len(curves.get(BACK, ())) > 2:

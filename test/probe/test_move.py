@@ -10,7 +10,6 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from import_graph import ROOT
 from probe_bench import WAIT, ProbeOnTerminal, command, facts_in, wrong
 from wire_verdict import WireVerdict
 
@@ -283,12 +282,6 @@ def test_an_arm_whose_probe_is_ended_in_a_motion_comes_to_rest(tmp_path, control
     goal = math.radians(2.0)
     gone = abs(verdict.joints()[-1][1][AXIS] - verdict.joints()[0][1][AXIS])
     assert 0.0 < gone < goal - 0.001, "it was stopped before it arrived"
-
-
-def test_the_page_counts_the_steps():
-    page = " ".join((ROOT / "docs" / "first_contact.md").read_text(encoding="utf-8").split())
-    count = ("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen")[len(STEPS) - 10]
-    assert "before each of %s steps" % count in page
 
 
 def test_without_the_arms_name_or_a_consent_nothing_moves(tmp_path, controller):

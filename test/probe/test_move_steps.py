@@ -28,7 +28,7 @@ def requests(bench, name):
     return [request for request in bench.requests if request["cmdName"] == name]
 
 
-AHEAD_STEP, PROFILE_STEP, BLEND_STEP = STEPS[8], STEPS[1], STEPS[3]
+STARVE_STEP, AHEAD_STEP, PROFILE_STEP, BLEND_STEP = STEPS[7], STEPS[8], STEPS[1], STEPS[3]
 
 
 @pytest.mark.parametrize("blends", [True, False])
@@ -55,6 +55,16 @@ def test_only_a_clear_time_at_the_junction_tells(passing, kept, without, told):
     ([(0.0, 2.0), (1.0, 1.0), (2.0, 0.0)], 0.4), ([(0.0, 0.0), (1.0, 1.1)], None), ([], None)])
 def test_the_time_at_the_junction_of_a_curve(curve, told):
     assert dwell(curve) == (told if told is None else pytest.approx(told))
+
+
+@pytest.mark.parametrize("period", [0.008, 0.1])
+@pytest.mark.parametrize("starvation", ["hold", "repeat", "coast", "fault"])
+def test_what_an_arm_does_whose_stream_runs_dry(starvation, period):
+    bench = StepBench(starvation=starvation, feed_period=period)
+    facts = bench.run(STARVE_STEP)
+    assert facts["starvation"].value == starvation, facts["starvation"]
+    assert not wrong(facts, bench.dialect) and bench.furthest < 3.0
+    assert wrong({"starvation": Fact("hold" if starvation != "hold" else "coast", "")}, bench.dialect)
 
 
 @pytest.mark.parametrize("waiting, starvation", [

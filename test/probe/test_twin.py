@@ -3,10 +3,12 @@ import math
 import random
 
 import pytest
+from probe_bench import wrong
 from twin_check import missed
+from virtual_probe import probed as virtually_probed
 
 from jaka_ros_driver.probe import report
-from jaka_ros_driver.probe.facts import Fact
+from jaka_ros_driver.probe.facts import Fact, ProbeStage
 from jaka_ros_driver.probe.fit import SCurve
 from jaka_ros_driver.probe.move import ASKED
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, STOP, place_at, progress, twin_facts, twin_motion
@@ -76,6 +78,16 @@ def test_with_a_quick_feed_that_comes_in_time_everything_is_settled():
         assert found["move_jerk_time"].value == pytest.approx(jerk_time, abs=0.02), found
         assert found["start_delay"].value == pytest.approx(0.2, abs=0.02)
         assert found["twin_angle"].value < 0.03 and found["twin_time"].value < 0.02
+
+
+@pytest.mark.parametrize("share, jerk_time, others", [
+    (1.0, 0.05, {}), (0.2, 0.2, {"start_delay": 5.0, "feed_period": 0.055}), (4.0, 0.0, {"feed_period": 0.05})])
+def test_all_motions_of_the_stage_settle_acceleration_jerk_and_delay_also_at_the_ends(share, jerk_time, others):
+    arm = dialect(share, jerk_time).replaced(others)
+    _, found = virtually_probed(arm, "1.7.2", ProbeStage.MOVE, fits=True)
+    assert {found[name].value is None for name in ("move_acceleration", "move_jerk_time", "start_delay")} == {False}
+    assert not wrong(found, arm)
+    assert wrong({**found, "move_jerk_time": Fact(0.1, "")}, arm) and found["twin_angle"].value is not None
 
 
 def lagging(motion, seconds):

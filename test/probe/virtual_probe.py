@@ -2,13 +2,9 @@
 
 The stages run as the command runs them, each with its own code, and in one process with the controller; their clock,
 their connections, the guard process and the person at the terminal are those of this file. A request takes 1 ms there
-and 1 ms back, and nothing else takes any time. Run as a program, this file prints how often each dimension of drawn
-controllers is found right:
-
-    PYTHONPATH=.:test/support:test/support/live build/venv/bin/python3 test/probe/virtual_probe.py [CONTROLLERS]
+and 1 ms back, and nothing else takes any time. test/soak/soak_probe_virtual.py does this with many drawn controllers.
 """
 import contextlib
-import io
 import itertools
 import math
 import re
@@ -16,13 +12,11 @@ import sys
 from types import SimpleNamespace
 from unittest import mock
 
-from probe_bench import DimensionTable, judged, wrong
-
 from jaka_ros_driver.client.guard import GuardHealth
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.probe import ask, command, move
 from jaka_ros_driver.probe.ask import MALFORMED
-from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
+from jaka_ros_driver.probe.facts import ProbeStage
 from jaka_ros_driver.probe.look import HeardFeed, listen
 from jaka_ros_driver.probe.motion import Mover
 from jaka_ros_driver.probe.move import ASKED
@@ -35,13 +29,13 @@ from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND
 from jaka_ros_driver.simulation.controller.executor import Controller, ReplyLine
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.state import Options, Start
-from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES
 from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED, REPLACES, Dialect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 LATENCY_S = 0.001
 POLLED_S = 0.1
 """Time for which the probe polls here: it sends the same question again and again."""
+PROGRAM = "weld"
 NO_REQUEST = "no request"
 """The name of bytes that are no request, nor the one piece that the probe sends as such."""
 _REPLACED = ("time", "select")
@@ -91,9 +85,11 @@ class VirtualBench:
 
     Attributes:
         now: Virtual time, s.
+        begun: Its beginning, s.
         sent: (stage, name of the request) of each request, on any port, in order.
         requests: The same requests with their fields.
         path: The joints, rad (6,), at the start and after each cycle of the controller.
+        before_move: How many of them lie before the stage move.
         left_out: As of ``recorded.ConnectionLog``.
     """
 
@@ -102,9 +98,10 @@ class VirtualBench:
     def __init__(self, dialect, firmware):
         self.controller = Controller(load_model("zu7"), FIRMWARES[firmware], Options(dialect, Start.ENABLED))
         self.dialect = dialect
-        self.now, self._next_cycle, self._next_frame = 100.0, 100.0 + CYCLE_TIME_S, 100.0
+        self.begun = self.now = self._next_frame = 100.0
+        self._next_cycle = self.begun + CYCLE_TIME_S
         self.sent, self.requests, self.stages, self.connections = [], [], [], set()
-        self.path = [self.controller.state.plant.joint_position]
+        self.path, self.before_move = [self.controller.state.plant.joint_position], 1
         self._owner = self._loss_matters_of = None
 
     # ---- time ----
@@ -130,6 +127,8 @@ class VirtualBench:
                 self._next_cycle += CYCLE_TIME_S
                 self.controller.step(CYCLE_TIME_S)
                 self.path.append(self.controller.state.plant.joint_position)
+                if ProbeStage.MOVE not in self.stages:
+                    self.before_move = len(self.path)
                 for one in list(self.connections):
                     self._carry_out(one)
                 continue
@@ -240,15 +239,20 @@ class StepBench(VirtualBench):
 
 
 class _Person:
-    """Somebody who types the arm's name and consents to every step."""
+    """Somebody who types the arm's name, consents to every step, and does at the pendant what is asked for."""
 
     is_there = True
 
-    def __init__(self, name):
-        pass
+    def __init__(self, bench):
+        self._state = bench.controller.state
 
     def ask(self, question, meanwhile=lambda: None):
         meanwhile()
+        if "disable the arm at the pendant" in question:
+            self._state.disable()
+        if "End it at the pendant" in question:
+            self._state.stop()
+            return "y"
         named = re.search(r"Its name is (.+); type it", question)
         return named.group(1) if named else "y" if "y begins this step" in question else ""
 
@@ -265,14 +269,16 @@ def _replaced(bench):
         replace(ask, "_POLLED_S", POLLED_S)
         replace(command, "ConnectionLog", lambda host: bench)
         replace(command, "Guard", lambda *where: _GUARD)
-        replace(command, "Person", _Person)
+        replace(command, "Person", lambda name: _Person(bench))
         replace(command, "holder_of", lambda *where: "")
         replace(command, "DriverLock", lambda *where: SimpleNamespace(release=lambda: None))
         yield
 
 
-def probed(dialect, firmware, stage=ProbeStage.SET, output=None, fits=False):
+def probed(dialect, firmware, stage=ProbeStage.SET, output=None, fits=False, seconds=1.5):
     """Run the stages up to this one; return the bench, with what was sent, and the facts.
+
+    The stage move plays the program that is loaded.
 
     Args:
         dialect: Of the controller.
@@ -280,33 +286,17 @@ def probed(dialect, firmware, stage=ProbeStage.SET, output=None, fits=False):
         stage: The last stage.
         output: Index of the output that the stage set may switch; None for none.
         fits: Also return what the curves of the stage move tell, which takes a while.
+        seconds: Time for which the feed is listened to.
     """
     bench = VirtualBench(dialect, firmware)
-    words = ["arm", "--out", "none", "--seconds", "1.5", "--stage", stage.value]
+    bench.controller.state.memory.program_name = PROGRAM
+    words = ["arm", "--out", "none", "--seconds", "%g" % seconds, "--stage", stage.value]
+    words += ["--output", str(output)] if output else []
+    words += ["--program", PROGRAM] if stage is ProbeStage.MOVE else []
     with _replaced(bench):
-        run = command._Run(command.parser().parse_args(words + (["--output", str(output)] if output else [])))
+        run = command._Run(command.parser().parse_args(words))
         bench.stages = run._done
         run.stages()
     if fits:
         run._facts.update(twin_facts(run._facts, run._curves, ASKED))
     return bench, run._facts
-
-
-def table(count):
-    """Return the table of all stages on the first drawn controllers."""
-    found, names = DimensionTable(), [name for name, row in DESCRIBED.items() if row.dimension]
-    for seed in range(count):
-        firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
-        dialect = Dialect.from_seed(seed, firmware)
-        with contextlib.redirect_stdout(io.StringIO()):
-            facts = probed(dialect, firmware, ProbeStage.MOVE, 3, fits=True)[1]
-        found.add(judged(facts, wrong(facts, dialect), names))
-    return found.lines()
-
-
-def main():
-    print("\n".join(table(int(sys.argv[1]) if len(sys.argv) > 1 else 100)))
-
-
-if __name__ == "__main__":
-    main()

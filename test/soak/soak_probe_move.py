@@ -1,19 +1,26 @@
-"""The stage move of jaka_probe on unknown arms: is it right, and does the arm rest however and whenever it is ended?
+"""All stages of jaka_probe on unknown arms: does the arm rest however and whenever the probe is ended, is it right?
 
     build/venv/bin/python3 test/soak/soak_probe_move.py [KILLS [DIALECTS [FIRST [AT_ONCE]]]]        20, 10, 0 and 4
 
-KILLS runs are ended at a random moment of a random step: killed, frozen for good, by SIGTERM or by Ctrl-C. DIALECTS
-runs go to their end, and what they found is compared. Each run is a drawn dialect of the simulated controller and takes
-one minute, most of it waiting; with the longest start delays it takes five. Prints what is wrong or not settled, a
-table by dimension, how far each twin is from its arm, and a tally. Exit code 1 where an arm did not rest, left its room
-or was sent what no list of a stage has, something is wrong and not just open, a stated error of the twin does not hold,
-or less than 98 % is right. Whether acceleration and jerk show is a matter of the feed: open, these two do not count. A
-run that ends before its moment, as on a busy host, is printed, and judged by the arm's own log all the same.
+KILLS runs are ended at a random moment of the whole run: killed, frozen for good, by SIGTERM or by Ctrl-C; how long a
+run takes, one in virtual time tells. Then the arm is watched until nothing that it was sent could still begin, and its
+own log is judged. DIALECTS runs go to their end, and what they found is compared. Each run is a drawn dialect of the
+simulated controller and takes one to ten minutes, most of it waiting: 4 minutes in the mean, and half of that where it
+is ended. ``soak_probe_move.py 200 0 0 6`` ends 200 runs and nothing else.
+
+Prints a row for each run that was ended, and a table of where; of the whole ones what is wrong or not settled, a table
+by dimension, how far each twin is from its arm, and a tally. Exit code 1 where an arm did not rest, left its room or
+was sent what no list of a stage has, something is wrong and not just open, a stated error of the twin does not hold, or
+less than 98 % is right. Whether acceleration and jerk show is a matter of feed and host: open, these two do not count.
+A run that ends before its moment, as on a busy host, is judged, printed and repeated; after the third time it fails.
 """
 import collections
 import concurrent.futures
-import math
+import contextlib
+import io
+import multiprocessing
 import random
+import re
 import signal
 import sys
 import tempfile
@@ -21,79 +28,141 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live", "test/probe")]
 
-from probe_bench import MAY_SEND, Controller, DimensionTable, ProbeOnTerminal, command, facts_in, judged, wrong  # noqa: E402
+from probe_bench import (  # noqa: E402
+    MAY_SEND,
+    Controller,
+    DimensionTable,
+    ProbeOnTerminal,
+    can_see,
+    command,
+    facts_in,
+    judged,
+    left_room,
+    wrong,
+)
 from twin_check import missed, way_back  # noqa: E402
+from virtual_probe import probed  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
-from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
-from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage  # noqa: E402
-from jaka_ros_driver.probe.motion import ROOM_M, ROOM_RAD  # noqa: E402
-from jaka_ros_driver.probe.move import STEPS  # noqa: E402
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
 from jaka_ros_driver.simulation.dialect.table import Dialect  # noqa: E402
 
 LEAST = 0.98
 STOPPED_WITHIN_S = 4.0
 WATCHED_S = 6.0
+ENDS_WITHIN_S = 60.0
+"""Longest time, s, in which a probe that was not killed writes its report and ends."""
+TRIES = 3
 MAY_BE_OPEN = {"move_acceleration", "move_jerk_time"}
-MODEL = "zu7"
-WORDS = ("--stage", "move", "--program", "weld")
+OUTPUT = 3
+WORDS = ("--stage", "move", "--program", "weld", "--output", str(OUTPUT))
 ENDINGS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT)
 
 
-def start(folder, seed):
+def drawn(seed):
+    """Return the firmware and the dialect of a seed."""
     firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
+    return firmware, Dialect.from_seed(seed, firmware)
+
+
+def start(folder, seed):
+    firmware, dialect = drawn(seed)
     arm = Controller(folder, "--dialect-seed", str(seed), "--firmware", firmware)
     arm.operate("load_program", name="weld")
-    return arm, Dialect.from_seed(seed, firmware)
+    return arm, dialect
 
 
 def complaints(arm, ended):
     """Return what the arm's own log has against a run."""
     verdict = WireVerdict(arm.log)
-    path = verdict.joints()
-    start_joints = path[0][1]
-    furthest = max(abs(a - b) for _, joints in path for a, b in zip(joints, start_joints))
-    found = [] if furthest <= ROOM_RAD else ["a joint went %.2f deg" % math.degrees(furthest)]
-    model = load_model(MODEL)
-    start_flange = forward(model, start_joints)[9:]
-    away = max(math.dist(forward(model, joints)[9:], start_flange) for joints in {joints for _, joints in path})
-    found += [] if away <= ROOM_M else ["the flange was %.0f mm from its start" % (1000.0 * away)]
+    found = left_room([joints for _, joints in verdict.joints()])
     rest = verdict.rest_after(ended - 60.0)
     if rest > ended + STOPPED_WITHIN_S:
         found.append("moved until %.1f s after the end" % (rest - ended))
-    found += ["was sent %s, which no list has" % name for name in sorted(set(arm.sent()) - MAY_SEND[ProbeStage.MOVE])]
-    return found
+    return found + ["was sent %s, which no list has" % name
+                    for name in sorted(set(arm.sent()) - MAY_SEND[ProbeStage.MOVE])]
 
 
-def killed(folder, seed):
-    """Run with an end at a random moment; return what is wrong."""
-    chance = random.Random(seed)
-    number, step, moment = chance.choice(ENDINGS), chance.randrange(1, len(STEPS) + 1), chance.uniform(0.0, 4.0)
+# ---- runs that are ended ----
+
+def length(seed):
+    """Return how long a run on this dialect takes in virtual time, s: a real one takes longer."""
+    firmware, dialect = drawn(seed)
+    with contextlib.redirect_stdout(io.StringIO()):
+        bench, _ = probed(dialect, firmware, ProbeStage.MOVE, OUTPUT)
+    return bench.now - bench.begun
+
+
+def place_of(text):
+    """Return the stage, or the step of the stage that moves, in which a probe is that has printed this."""
+    found = re.findall(r"^jaka_probe: +(?:(look|ask|set|move):|(step \d+) of)", text, re.MULTILINE)
+    return "".join(found[-1]) if found else "before look"
+
+
+def killed(folder, seed, seconds):
+    """End a run at a random moment of so many seconds; return what is wrong, where, and how often it ended early.
+
+    The place is "" where it ended before its moment each time.
+    """
+    chance, bad = random.Random(seed), []
+    for early in range(TRIES):
+        number, moment = chance.choice(ENDINGS), chance.uniform(0.0, seconds)
+        why, place = killed_once(folder, seed, number, moment, seconds, early)
+        bad += why
+        if place:
+            return bad, place, early
+    return [*bad, "dialect %d: ended before its moment %d times: is this host too busy?" % (seed, TRIES)], "", TRIES
+
+
+def killed_once(folder, seed, number, moment, seconds, early):
+    """End one run; return what is wrong, and where it was, "" where it had ended before."""
     arm, dialect = start(folder, seed)
-    terminal = ProbeOnTerminal(command(folder / ("killed-%d" % seed), arm.ports, *WORDS), arm=arm)
-    try:
-        terminal.wait_for("step %d of" % step)
-    except AssertionError as error:  # the program has ended before
-        print("dialect %d ended early, before step %d: %s" % (seed, step, str(error)[-300:]), flush=True)
-        terminal.end()
-        ended = time.monotonic()
-        time.sleep(WATCHED_S)
-        arm.close()
-        return ["dialect %d, ended early: %s" % (seed, why) for why in complaints(arm, ended)]
-    time.sleep(moment + chance.choice((0.0, dialect.start_delay)))
+    began = time.monotonic()
+    terminal = ProbeOnTerminal(command(folder / ("killed-%d-%d" % (seed, early)), arm.ports, *WORDS), arm=arm)
+    told = "dialect %d, %s after %.1f s of %.0f s" % (seed, number.name, moment, seconds)
+    while time.monotonic() < began + moment and terminal.process.poll() is None:
+        time.sleep(0.05)
+    place = place_of(terminal.text) if terminal.process.poll() is None else ""
     terminal.process.send_signal(number)
     ended = time.monotonic()
-    time.sleep(WATCHED_S)
+    time.sleep(WATCHED_S + dialect.start_delay)  # a move that waits to begin must not begin either
+    found = []
+    if place and number in (signal.SIGTERM, signal.SIGINT):
+        while terminal.process.poll() is None and time.monotonic() < ended + ENDS_WITHIN_S:
+            time.sleep(0.05)
+        found += ["had not ended after %.0f s" % ENDS_WITHIN_S] if terminal.process.poll() is None else []
     terminal.process.kill()
     terminal.end()
     arm.close()
-    return ["dialect %d, %s in step %d after %.2f s: %s" % (seed, number.name, step, moment, why)
-            for why in complaints(arm, ended)]
+    found += complaints(arm, ended)
+    reasons = [line for line in terminal.text.splitlines() if re.search("ended|left out|not seen", line)]
+    print("%s, %s: %s" % (told, "in %s" % place if place else "ended early: %s" % " / ".join(reasons or ["no reason"]),
+                          "; ".join(found) or "at rest"), flush=True)
+    return ["%s, in %s: %s" % (told, place or "a run that ended early", why) for why in found], place
 
+
+def all_killed(folder, seeds, at_once):
+    """End a run of each of these seeds; return what is wrong. Prints where they were ended."""
+    bad, places, repeated = [], collections.Counter(), 0
+    with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as virtual, \
+            concurrent.futures.ThreadPoolExecutor(at_once) as pool:
+        def one(seed):
+            return killed(folder, seed, virtual.submit(length, seed).result())
+        for why, place, early in pool.map(one, seeds):
+            bad += why
+            places[place or "none: ended early each time"] += 1
+            repeated += early
+    print("| ended in | runs |\n| --- | --- |")
+    for place, count in sorted(places.items(), key=lambda row: [word.zfill(2) for word in row[0].split()]):
+        print("| %s | %d |" % (place, count))
+    print("%d runs ended before their moment and were repeated" % repeated, flush=True)
+    return bad
+
+
+# ---- whole runs ----
 
 def whole(folder, seed):
     """Run to the end; return what is wrong, a tally, complaints, the judgements by dimension, and the twin's error."""
@@ -104,19 +173,16 @@ def whole(folder, seed):
     ended = time.monotonic()
     arm.close()
     found = facts_in(out)
-    seen = [name for name, row in DESCRIBED.items() if row.dimension and row.stage is ProbeStage.MOVE]
+    seen = [name for name, row in DESCRIBED.items() if row.dimension]
     mistakes = wrong({name: found[name] for name in seen if name in found}, dialect)
     if found.get("twin_angle", Fact(None, "")).value is not None:
-        mistakes += [("twin", why, "stated") for why in missed(
-            way_back(dialect), found, FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)])]
-    table = judged(found, mistakes, seen)
-    may_be_open = MAY_BE_OPEN | (set() if dialect.knows("set_network_exception_handle") else {"link_loss_notice"})
-    seen = [name for name in seen if name not in may_be_open or found.get(name, Fact(None, "")).value is not None]
+        mistakes += [("twin", why, "stated") for why in missed(way_back(dialect), found, drawn(seed)[0])]
+    table = judged(found, mistakes, seen, dialect)
     open_ones = ["%s (%s)" % (name, found[name].how if name in found else "never") for name in seen
-                 if name not in found or found[name].value is None]
+                 if table[name] == "open" and name not in MAY_BE_OPEN and can_see(name, dialect)]
     lines = ["dialect %d, exit code %d: wrong %s, not settled %s" % (seed, code, mistakes, open_ones)
              ] if mistakes or open_ones or code else []
-    tally = {"wrong": len(mistakes), "open": len(open_ones), "right": len(seen) - len(mistakes) - len(open_ones)}
+    tally = {"wrong": len(mistakes), "open": len(open_ones), "right": sum(one == "right" for one in table.values())}
     return lines, tally, ["dialect %d: %s" % (seed, why) for why in complaints(arm, ended)], table, twin_error(
         seed, found)
 
@@ -134,21 +200,18 @@ def main():
     kills, dialects, first, at_once = [*words, *(20, 10, 0, 4)[len(words):]]
     tally, bad, table, errors = collections.Counter(), [], DimensionTable(), []
     with tempfile.TemporaryDirectory() as name, concurrent.futures.ThreadPoolExecutor(at_once) as pool:
-        ends = [pool.submit(killed, Path(name), first + seed) for seed in range(kills)]
-        wholes = [pool.submit(whole, Path(name), first + seed) for seed in range(dialects)]
-        for run in ends:
-            bad += run.result()
-            print("\n".join(run.result()) or "at rest", flush=True)
-        for run in wholes:
-            lines, counts, why, found, error = run.result()
+        if kills:
+            bad += all_killed(Path(name), range(first, first + kills), at_once)
+        for lines, counts, why, found, error in pool.map(
+                lambda seed: whole(Path(name), seed), range(first, first + dialects)):
             tally.update(counts)
             table.add(found)
             errors.append(error)
             bad += why
             print("\n".join(lines + why) or "right", flush=True)
-    print("\n".join([*table.lines(), *errors]))
+    print("\n".join([*(table.lines() if dialects else []), *errors, *bad]))
     share = tally["right"] / max(1, sum(tally.values()))
-    print("%d ended, %d whole: %d did not rest in their room; %d right (%.1f %%), %d not settled, %d wrong" % (
+    print("%d ended, %d whole: %d complaints about arms and runs; %d right (%.1f %%), %d not settled, %d wrong" % (
         kills, dialects, len(bad), tally["right"], 100.0 * share, tally["open"], tally["wrong"]))
     return 1 if bad or tally["wrong"] or (dialects and share < LEAST) else 0
 

@@ -113,7 +113,7 @@ class Dialect:
         0.0, 0.1, "s", 0.024)
     starvation: str = _choice(
         "a servo stream that runs dry: holds its last target, repeats its last increment, coasts to rest, or ends "
-        "with a fault after 0.1 s", "hold [I]; one user measured repeat [C]: 5.6.5",
+        "servo mode after 0.1 s (fault)", "hold [I]; one user measured repeat [C]; none saw an error: 5.6.5",
         ("hold", "repeat", "coast", "fault"), "hold")
     servo_queue: int = _dimension(Choice(
         "servo frames that wait behind the one for the next cycle; further ones are ignored",

@@ -1,5 +1,6 @@
 """The command jaka_probe beside simulated controllers that it knows nothing of, also on a terminal with a person."""
 import json
+import math
 import os
 import pty
 import re
@@ -9,10 +10,14 @@ import time
 
 from command_places import command_of
 
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.probe import report
 from jaka_ros_driver.probe.ask import MALFORMED, QUESTIONS, UNKNOWN_COMMAND
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
+from jaka_ros_driver.probe.motion import OTHERS_RAD, ROOM_M, ROOM_RAD
 from jaka_ros_driver.probe.move import MOVES
+from jaka_ros_driver.probe.moving import AXIS
 from jaka_ros_driver.probe.set_same import DRAG_COMMAND, READ_BACK, SETTINGS
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
@@ -119,35 +124,69 @@ def wrong(found, dialect):
     return rows
 
 
-def judged(found, mistakes, names):
-    """Return "right", "unknown" or "wrong" for the dimension of each of these facts.
+_SLOWEST_FEED_S = 0.06
+"""Longest period, s, of a feed that shows how an acceleration builds up: two frames fall into 0.1 s of it."""
+
+
+def can_see(name, dialect):
+    """Return whether this controller shows a fact to the stage that looks for it."""
+    if name == "link_loss_notice":
+        return dialect.knows("set_network_exception_handle")
+    if name == "move_jerk_time":
+        return max(dialect.feed_period, dialect.shortest_feed_period) <= _SLOWEST_FEED_S
+    return True
+
+
+def judged(found, mistakes, names, dialect):
+    """Return "right", "wrong" or "open" for each of these facts; "unseen" where it is open and cannot be seen.
 
     mistakes: As of ``wrong``; what is no row of a dimension is left.
     """
     bad = {row[0] for row in mistakes if isinstance(row, tuple)}
-    verdicts = {}
-    for name in names:
-        key = DESCRIBED[name].dimension
-        is_open = name not in found or found[name].value is None
-        verdicts[key] = "unknown" if is_open else "wrong" if key in bad else "right"
-    return verdicts
+    return {name: ("wrong" if DESCRIBED[name].dimension in bad else "right")
+            if name in found and found[name].value is not None else "open" if can_see(name, dialect) else "unseen"
+            for name in names}
+
+
+def left_room(path, model="zu7"):
+    """Return what is against a path of joints, rad, that begins where the arm was; the flange stands for the tool."""
+    found = []
+    for joint, (start, *others) in enumerate(zip(*path)):
+        way = max((abs(one - start) for one in others), default=0.0)
+        if way > (ROOM_RAD if joint == AXIS else OTHERS_RAD):
+            found.append("joint %d went %.2f deg" % (joint + 1, math.degrees(way)))
+    arm = load_model(model)
+    begun = forward(arm, path[0])[9:]
+    away = max(math.dist(forward(arm, joints)[9:], begun) for joints in set(path))
+    return found + (["the flange was %.0f mm from its start" % (1000.0 * away)] if away > ROOM_M else [])
 
 
 class DimensionTable:
-    """The numbers of right, open and wrong findings of each dimension of drawn controllers, as a table in Markdown."""
+    """The numbers of right, wrong and open findings of each dimension of drawn controllers, as a table in Markdown."""
 
     def __init__(self):
         self._counts = {}
 
     def add(self, verdicts):
-        for key, verdict in verdicts.items():
-            self._counts.setdefault(key, dict.fromkeys(("right", "unknown", "wrong"), 0))[verdict] += 1
+        for name, verdict in verdicts.items():
+            self._counts.setdefault(name, dict.fromkeys(("right", "wrong", "open"), 0))
+            if verdict != "unseen":
+                self._counts[name][verdict] += 1
+
+    def sums(self, names):
+        """Return the numbers of right, wrong and open findings of these facts."""
+        return [sum(self._counts[name][one] for name in names) for one in ("right", "wrong", "open")]
 
     def lines(self):
-        rows = [["`%s`" % key, *map(str, self._counts[key].values())] for key in DIMENSIONS if key in self._counts]
-        total = ["all", *(str(sum(row[one] for row in self._counts.values())) for one in ("right", "unknown", "wrong"))]
+        """Return a row for each dimension, one for each stage, and one for all."""
+        names = [name for name in DESCRIBED if name in self._counts]
+        rows = [(DESCRIBED[name].stage.value, "`%s`" % DESCRIBED[name].dimension, [name]) for name in names]
+        rows += [(stage.value, "all %d" % len(group), group) for stage, group in (
+            (stage, [name for name in names if DESCRIBED[name].stage is stage]) for stage in ProbeStage) if group]
+        rows.append(("all", "all %d" % len(names), names))
         return ["| %s |" % " | ".join(row) for row in (
-            ["dimension", "right", "not settled", "wrong"], ["---"] * 4, *rows, total)]
+            ["stage", "dimension", "seen", "right", "wrong", "not settled"], ["---"] * 6,
+            *([stage, key, str(sum(self.sums(group))), *map(str, self.sums(group))] for stage, key, group in rows))]
 
 
 class ProbeOnTerminal:
