@@ -17,7 +17,7 @@ td { overflow-wrap: break-word; min-width: 5em; } .how { color: #555; font-size:
 .warn { background: #fdecea; border-left: .3em solid #b3261e; padding: .6em 1em; }
 svg { max-width: 100%; height: auto; }
 """
-_WIDTH, _HEIGHT, _MARGIN = 640, 240, 44
+_WIDTH, _HEIGHT, _MARGIN, _APART = 640, 240, 44, 60
 _TITLES = {"move": "Joint 6 in a move of 2 deg, from its first motion on",
            "out": "Joint 6 in a move of 2.5 deg that accelerates slowly; 0 s is its acceptance",
            "back": "The same on its way back, with which the simulated controller is compared",
@@ -119,7 +119,8 @@ def curve(points: Sequence[Sequence[float]]) -> str:
         return _HEIGHT - _MARGIN - (place - low) / ((high - low) or 1.0) * (_HEIGHT - 2 * _MARGIN)
     drawn = ['<svg viewBox="0 0 %d %d" width="%d" role="img" aria-label="%d points from %.2f to %.2f deg">' % (
         _WIDTH, _HEIGHT, _WIDTH, len(points), low, high)]
-    for at in (first, 0.0, last):
+    zero = [0.0] if first <= 0.0 <= last else []
+    for at in [*zero, *(at for at in (first, last) if all(abs(across(at) - across(0.0)) >= _APART for _ in zero))]:
         x, bottom = across(at), _HEIGHT - _MARGIN
         drawn.append('<line x1="%.1f" x2="%.1f" y1="%d" y2="%d" stroke="#ccc"/>' % (x, x, _MARGIN, bottom))
         drawn.append('<text x="%.1f" y="%d" font-size="12" text-anchor="middle">%.2f s</text>' % (x, bottom + 18, at))

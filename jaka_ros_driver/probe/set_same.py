@@ -227,28 +227,28 @@ def set_same(desk: Desk, facts: Facts, back: SetBack, output: Optional[int], ask
     outcomes: List[str] = []
     try:
         for setter in _SAME:
-            tell("%s: %s" % (setter, SETTINGS[setter]))
+            tell("now %s" % setter)
             desk.require_rest()
             outcome = _same(desk, setter, back)
             outcomes.append("%s %s" % (setter, outcome or "reads back the same"))
             taken += [] if outcome else [setter]
     finally:
         facts["same_values"] = Fact(taken, "; ".join(outcomes))
-    tell("set_tool_offsets: %s" % SETTINGS["set_tool_offsets"])
+    tell("now set_tool_offsets")
     tools = _free_frames(desk, back, "tool", ("tooloffset",))
     facts["tool_ids"] = tools.fact
-    tell("set_user_offsets: %s" % SETTINGS["set_user_offsets"])
+    tell("now set_user_offsets")
     users = _free_frames(desk, back, "user", tuple(key for key, _ in _SPELLINGS))
     facts["user_ids"] = users.fact
     facts["user_frame_key"] = _spelling(desk, back, users)
-    tell("%s: %s" % (DRAG_COMMAND, SETTINGS[DRAG_COMMAND]))
+    tell("now %s" % DRAG_COMMAND)
     desk.require_rest()
     facts["drag_command"] = _drag_command(desk)
     missing = facts.get("commands_missing")
     if missing is not None and missing.value is not None and facts["drag_command"].value == "not known":
         facts["commands_missing"] = missing._replace(value=sorted({*missing.value, DRAG_COMMAND}))
     if output is not None:
-        tell("set_digital_output: %s" % SETTINGS["set_digital_output"])
+        tell("now set_digital_output")
         desk.require_rest()
         _switch_output(desk, facts, back, output, ask_person)
 

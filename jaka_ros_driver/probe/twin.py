@@ -61,7 +61,7 @@ def twin_facts(facts: Facts, curves: Dict[str, SampledCurve], asked: Dict[str, A
     motions = [SeenMotion(curves[name], *asked[name]) for name in (OUT, MOVE) if len(curves.get(name, ())) > 2]
     returns = [SeenMotion(curve, *asked[RETURN]) for name, curve in curves.items() if name.startswith(RETURN)]
     fit = fitted(motions, returns) if len(motions) == 2 else None
-    found = _fit_facts(fit, motions)
+    found = _fit_facts(fit, len(motions), len(returns))
     unsure = 0.0
     if fit is not None and fit.has_share and len(curves.get(BACK, ())) > 2:
         found["start_delay"], unsure = _start_delay(facts, [
@@ -99,12 +99,13 @@ def _rounded_up(value: float, step: float) -> float:
     return round(math.ceil(value / step) * step, 6)
 
 
-def _fit_facts(fit: Optional[Fit], motions: Sequence[SeenMotion]) -> Facts:
+def _fit_facts(fit: Optional[Fit], moves: int, returns: int) -> Facts:
     if fit is None:
         why = ("no acceleration and jerk fit the curves of two moves, or one has fewer than %d frames" % LEAST_FRAMES
-               if len(motions) == 2 else "two moves were not seen whole")
+               if moves == 2 else "two moves were not seen whole")
         return {name: Fact(None, why) for name in ("move_acceleration", "move_jerk_time")}
-    how = "the curves of two moves, %.2f %% of the way off in the mean" % (100.0 * fit.misfit)
+    how = "the curves of two moves and %d ways home, %.2f %% of the way off in the mean" % (
+        returns, 100.0 * fit.misfit)
     shares = "%.2f to %.2f fit as well" % fit.shares
     jerks = "%.2f to %.2f s fit as well" % fit.jerk_times
     return {"move_acceleration": Fact(round(fit.share, 3), how, shares) if fit.has_share else Fact(

@@ -68,3 +68,13 @@ def test_what_contradicts_a_document_and_what_could_not_be_set_back_come_first()
                                               ([(-1, 5.0), (2, 5.0)], True)])
 def test_any_points_make_a_drawing_or_none(points, is_drawn):
     assert ("<polyline" in curve(points)) is is_drawn and "nan" not in curve(points)
+
+
+@pytest.mark.parametrize("points, labels", [
+    ([(-0.09, 0.0), (4.56, 2.0)], ["0.00 s", "4.56 s"]), ([(20.0, 0.0), (23.0, 2.5)], ["20.00 s", "23.00 s"]),
+    ([(-0.33, 0.0), (0.27, 0.8)], ["0.00 s", "-0.33 s", "0.27 s"])])
+def test_the_times_of_a_drawing_lie_in_it_and_apart(points, labels):
+    found = re.findall(r'<text x="([^"]+)"[^>]*>([^<]+ s)</text>', curve(points))
+    assert [label for _, label in found] == labels
+    places = sorted(float(x) for x, _ in found)
+    assert 0.0 < places[0] and places[-1] < 640.0 and all(b - a >= 50.0 for a, b in zip(places, places[1:]))

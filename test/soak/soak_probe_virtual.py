@@ -68,7 +68,7 @@ def main():
     print("\n".join(table.lines()))
     right, mistaken, still_open = table.sums(SEEN)
     share = right / (right + mistaken + still_open)
-    print("%d dialects: %.1f %% right, %d wrong, %d not settled; %d complaints about what the arms did" % (
+    print("%d dialects: %.2f %% right, %d wrong, %d not settled; %d complaints about what the arms did" % (
         count, 100.0 * share, mistaken, still_open, bad))
     return 0 if share >= LEAST and not mistaken and not bad else 1
 
