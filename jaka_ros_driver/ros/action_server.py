@@ -1,6 +1,8 @@
 """The action server of actionlib, without a traceback at the node's end; its goals are recorded."""
 import contextlib
-from typing import Any, Callable, Iterator
+import logging
+import threading
+from typing import Any, Callable, Dict, Iterator, List
 
 import rospy
 from actionlib import ActionServer
@@ -9,13 +11,15 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 
 from jaka_ros_driver.ros.audit.recorder import Recorder
 
+_LOG = logging.getLogger(__name__)
+
 
 class QuietActionServer(ActionServer):
     """An action server that records goals, cancels and results, and raises nothing once the node's end closed its
     topics.
 
-    Its timer publishes the status five times a second. rospy closes all topics before ``rospy.is_shutdown`` is True,
-    and actionlib checks only that.
+    A timer publishes the status five times a second; all action servers of a process share it. rospy closes all topics
+    before ``rospy.is_shutdown`` is True, and actionlib checks only that.
     """
 
     def __init__(self, name: str, spec: Any, take: Callable[[ServerGoalHandle], None],
@@ -34,6 +38,13 @@ class QuietActionServer(ActionServer):
         self._recorder = recorder
         recorder.offers_action(name)
         super().__init__(rospy.resolve_name(name), spec, take, cancel, auto_start=False)
+
+    def initialize(self) -> None:
+        """Set up the topics; the shared timer takes the place of the server's own."""
+        super().initialize()
+        if self.status_timer is not None:
+            self.status_timer.shutdown()
+            _publish_status_of(self, self.status_frequency)
 
     def internal_goal_callback(self, goal: Any) -> None:
         """Take a goal from the topic."""
@@ -70,3 +81,26 @@ def _closed_only_at_the_end() -> Iterator[None]:
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
+
+
+_SERVERS: Dict[float, List[QuietActionServer]] = {}
+"""The servers that were started, by how often they publish their status, Hz: each kind has a timer."""
+_SERVERS_LOCK = threading.Lock()
+
+
+def _publish_status_of(server: QuietActionServer, frequency: float) -> None:
+    """Publish the status of a server so often, Hz, until the node ends."""
+    with _SERVERS_LOCK:
+        if frequency not in _SERVERS:
+            servers = _SERVERS[frequency] = []
+            rospy.Timer(rospy.Duration(1.0 / frequency), lambda event: _publish_all(servers, event))
+        _SERVERS[frequency].append(server)
+
+
+def _publish_all(servers: List[QuietActionServer], event: Any) -> None:
+    for server in list(servers):
+        try:
+            server.publish_status_async(event)
+        except Exception:  # its status ends, as with a timer of its own, and that of no other
+            _LOG.exception("%s: the status is published no more", server.ns)
+            servers.remove(server)

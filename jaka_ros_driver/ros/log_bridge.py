@@ -78,7 +78,8 @@ def log_to_ros() -> Callable[[float], bool]:
         rospy_logger = logging.getLogger(name)
         rospy_logger.handlers = [Background(handler) for handler in rospy_logger.handlers]
         backgrounds += rospy_logger.handlers  # type: ignore[arg-type]
-    if logging.lastResort is not None:  # the screen, for rospy's own warnings where there is no log file
+    # the screen, for rospy's own warnings where there is no log file
+    if logging.lastResort is not None and not logging.getLogger().handlers:
         logging.lastResort = Background(logging.lastResort)
     logger = logging.getLogger(_PACKAGE)
     logger.setLevel(logging.INFO)

@@ -117,6 +117,13 @@ def bridge(monkeypatch):
     package.propagate, package.handlers = propagate, handlers
 
 
+@pytest.mark.parametrize("file", [None, logging.NullHandler()])
+def test_the_log_of_last_resort_has_a_thread_where_there_is_no_log_file(bridge, monkeypatch, file):
+    monkeypatch.setattr(logging, "lastResort", logging.NullHandler())
+    bridge(file=file)
+    assert isinstance(logging.lastResort, Background) is (file is None)
+
+
 def test_a_record_is_on_the_screen_and_in_the_log_file_once(bridge):
     screen, file = Kept(), Kept()
     drain = bridge(screen, file=file)

@@ -54,3 +54,29 @@ rospy.signal_shutdown("the test ends it")
     ended = subprocess.run([sys.executable, "-c", script, "quiet"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                            text=True, timeout=60, check=True)
     assert "told" in ended.stdout, ended.stdout
+
+
+def test_all_action_servers_share_one_timer_and_none_ends_the_status_of_another(ros_node):
+    script = NODE.split("server = ")[0] + """
+servers = [QuietActionServer("ends_%d" % number, *words[1:], Recorder(None)) for number in range(3)]
+for server in servers:
+    server.start()
+told = []
+
+def publish(number):
+    told.append(number)
+    if number == 0:
+        raise ValueError("a defect")
+
+for number, server in enumerate(servers):
+    server.publish_status_async = lambda event, number=number: publish(number)
+end = time.monotonic() + 60.0
+while told.count(2) < 10 and time.monotonic() < end:
+    time.sleep(0.01)
+timers = [thread for thread in threading.enumerate() if isinstance(thread, rospy.Timer)]
+print("timers:", len(timers), "told:", told.count(0), told.count(1) >= 9, told.count(2) >= 10)
+rospy.signal_shutdown("the test ends it")
+"""
+    ended = subprocess.run([sys.executable, "-c", script, "quiet"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                           text=True, timeout=120, check=True)
+    assert "timers: 1 told: 1 True True" in ended.stdout, ended.stdout

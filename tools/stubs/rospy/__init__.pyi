@@ -29,5 +29,6 @@ from .rostime import Duration as Duration
 from .rostime import Time as Time
 from .rostime import get_rostime as get_rostime
 from .service import ServiceException as ServiceException
+from .timer import Timer as Timer
 from .topics import Publisher as Publisher
 from .topics import Subscriber as Subscriber
