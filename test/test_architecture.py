@@ -144,8 +144,8 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
 """Modules that import others by name, or start them as commands; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.supervisor", "client.transport", "doctor.controller", "doctor.graph", "doctor.questions", "ros.connections",
-    "probe.recorded", "ros.driver_lock", "ros.metrics.page_server", "ros.start_checks", "simulation.server.event_loop",
-    "wire")) + (
+    "probe.recorded", "ros.driver_lock", "ros.metrics.page_server", "ros.services.connection", "ros.start_checks",
+    "simulation.server.event_loop", "wire")) + (
         "jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_blackbox.service", "jaka_foxglove.server",
         "jaka_panel.pages.door", "jaka_panel.pages.server", "jaka_panel.settings", "jaka_panel.graph.stop_link")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_panel.graph", "jaka_panel.command", "jaka_regression.driver_client",

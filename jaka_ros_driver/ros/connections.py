@@ -1,8 +1,7 @@
 """Limits of the connections that this node serves; some are closed when there are too many. rospy itself has no limit.
 
-The number of file descriptors of a process is limited. rospy gives one, and a thread, to every connection, also where
-the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
-more.
+The number of file descriptors of a process is limited. rospy gives one to every connection, also where the peer then
+sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any more.
 """
 import contextlib
 import errno
@@ -31,7 +30,7 @@ HANDSHAKE_TIMEOUT_S = 5.0
 MOST_HANDSHAKES = 64
 """Most connections whose handshake is not complete; no cell has as many clients that start at the same time."""
 MOST_CONNECTIONS = 2000
-"""Most connections of each other kind; each has a thread."""
+"""Most connections of each other kind; those of topics and of XML-RPC may have a thread each."""
 _XMLRPC_TIMEOUT_S = 60.0
 """Idle time, s, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
 _LONGEST_HANDSHAKE = 1 << 20
@@ -73,7 +72,7 @@ class PooledConnection:
 class ConnectionPool:
     """The connections of one kind. When there are more than ``most``, the one that has been idle longest is ended.
 
-    Here it is only shut down, which wakes the thread that reads it; that thread closes it and calls ``remove``.
+    Here it is only shut down, which is an event for whoever reads it; that one closes it and calls ``remove``.
     """
 
     def __init__(self, what: str, most: int) -> None:
@@ -193,7 +192,7 @@ def _share_out(descriptors: int) -> None:
 
 
 def _make_room() -> None:
-    """End one connection, of the kind whose loss matters least; its thread then frees the descriptor.
+    """End one connection, of the kind whose loss matters least; whoever reads it then frees the descriptor.
 
     New connections are spared: the next connection would take the descriptor, and nothing would be gained.
     """

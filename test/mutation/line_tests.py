@@ -42,7 +42,7 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/services/path_action.py": ("test/ros/paths/test_move_path.py",),
     "ros/services/recover_action.py": ("test/ros/services/test_recover_action.py",),
     "ros/services/handlers.py": ("test/ros/services/test_services.py",),
-    "ros/services/server.py": ("test/ros/services/test_services.py",),
+    "ros/services/server.py": ("test/ros/services/test_services.py", "test/ros/test_connections.py"),
     "ros/services/table.py": ("test/ros/services/test_services.py",),
     "ros/single_name.py": ("test/ros/start/test_single_name.py",),
     "ros/topics/diagnostics.py": ("test/ros/topics/test_diagnostics.py",),

@@ -16,6 +16,7 @@ import pytest
 import rosgraph
 import rospy
 from import_graph import ROOT
+from roscpp.srv import GetLoggers
 from rosgraph.network import encode_ros_handshake_header
 from std_srvs.srv import Empty, SetBool, Trigger
 from waiting import WAIT, eventually
@@ -57,7 +58,8 @@ time.sleep(0.2)  # so that rospy's own thread has taken it, of which nothing tel
 log_to_ros()
 keep_serving(take_connection)
 calls = CallCount()
-ServiceServer("~stop", Empty, lambda request: EmptyResponse(), calls)
+ServiceServer("~stop", Empty, lambda request: EmptyResponse(), calls, is_stop=True)
+ServiceServer("~wait", Trigger, lambda request: time.sleep(3600.0), calls)
 ServiceServer("~hold", Trigger, hold_all_descriptors, calls)
 ServiceServer("~read", GetIO, lambda request: GetIOResponse(message="read", value=10.0 ** request.index), calls)
 ServiceServer("~text", SetBool, lambda request: SetBoolResponse(True, "\\ud800" if request.data else "whole"), calls)
@@ -90,6 +92,9 @@ class Node:
         sock.sendall(encode_ros_handshake_header(header))
         sock.recv(4096)
         return sock
+
+    def threads(self):
+        return len(os.listdir("/proc/%d/task" % self.process.pid))
 
     def descriptors(self):
         return len(os.listdir("/proc/%d/fd" % self.process.pid))
@@ -208,6 +213,52 @@ def test_what_is_no_greeting_ends_its_connection(node, greeting):
         with contextlib.suppress(OSError):
             while sock.recv(4096):
                 pass
+    assert_served()
+
+
+@pytest.mark.parametrize("fields, refusal", [
+    ({"service": "/doorkeeper/nothing", "md5sum": "*"}, "[/doorkeeper] is not a provider of  [/doorkeeper/nothing]"),
+    ({"service": "/doorkeeper/stop"}, "Missing required 'md5sum' field"),
+    ({"service": "/doorkeeper/stop", "md5sum": "other"},
+     "request from [/tests]: md5sums do not match: [other] vs. [%s]" % Empty._md5sum)])
+def test_a_caller_is_told_why_it_is_refused(node, fields, refusal):
+    with node.connect() as sock:
+        sock.sendall(encode_ros_handshake_header(dict(fields, callerid="/tests")))
+        assert b"error=" + refusal.encode() in sock.recv(4096) and is_closed(sock)
+
+
+def test_who_only_probes_is_greeted_and_sent_away(node):
+    with node.greet(service="/doorkeeper/stop", probe="1") as sock:
+        assert is_closed(sock)
+
+
+def test_rospys_own_services_are_served(node):
+    assert rospy.ServiceProxy("/doorkeeper/get_loggers", GetLoggers)().loggers
+
+
+def test_connections_that_stay_take_no_threads(node):
+    with contextlib.ExitStack() as stack:
+        before = node.threads()
+        flood(lambda: FLOODS["persistent callers"](node), 100, stack)
+        assert_served()
+        assert eventually(lambda: node.threads() <= before + 2)  # handshakes and registrations have threads
+
+
+def test_a_stop_is_served_while_a_hundred_calls_wait_for_ever(node):
+    with contextlib.ExitStack() as stack:
+        before = node.threads()
+        for _ in range(100):
+            sock = stack.enter_context(node.greet(service="/doorkeeper/wait", persistent="1"))
+            sock.sendall(b"\0\0\0\0")
+        assert_served()
+        assert eventually(lambda: node.threads() >= before + 90)
+        assert_served()
+
+
+def test_what_is_no_request_of_the_type_ends_its_connection(node):
+    with node.greet(service="/doorkeeper/text", persistent="1") as sock:
+        sock.sendall(b"\0\0\0\0")
+        assert is_closed(sock)
     assert_served()
 
 

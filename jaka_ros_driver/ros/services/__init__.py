@@ -3,6 +3,8 @@
 table             every service: its type, decoder, handler and response
 handlers          the handlers, which carry services out with the arm
 server            rospy's service, for clients built with other definitions too; calls are counted
+connection        one client's connection: requests in, answers out, without waiting for the client
+loop              serves all connections with a few threads; stops have threads of their own
 recover_action    the action ~recover
 path_action       the action ~move_path
 gripper_action    the action of a gripper, and its joint

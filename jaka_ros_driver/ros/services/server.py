@@ -4,18 +4,20 @@ rospy compares the md5 of the definition with which a client was built. A connec
 another known definition is served with that definition's request class.
 """
 import contextlib
-import logging
+import functools
+import io
+import sys
 import threading
 from typing import Any, Callable, Dict, Iterator, Mapping, Optional
 
+import rosgraph.network
 import rospy
-from rospy.impl import registration, tcpros_base, tcpros_service
+import rospy.msg
+from rospy.impl import registration, tcpros_service
 
-from jaka_ros_driver.protocol.texts import printable
 from jaka_ros_driver.ros.audit.callers import note_peer
-from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS
-
-_LOG = logging.getLogger(__name__)
+from jaka_ros_driver.ros.services.connection import ServiceConnection, UnreadableRequest, error_answer
+from jaka_ros_driver.ros.services.loop import SERVICE_LOOP
 
 
 class CallCount:
@@ -44,65 +46,90 @@ class CallCount:
 
 
 class ServiceServer(rospy.Service):
-    """A service; every connection has a thread of its own, so that calls run in parallel."""
+    """A service whose connections are served by the loop of this process, so that calls run in parallel."""
 
     def __init__(self, name: str, srv_type: Any, handler: Callable[[Any], Any], calls: CallCount,
-                 other_types: Optional[Mapping[str, Any]] = None) -> None:
+                 other_types: Optional[Mapping[str, Any]] = None, is_stop: bool = False) -> None:
         """Register the service.
 
         Args:
             name: As rospy takes it.
             srv_type: The generated type.
-            handler: Takes the request and returns the response; runs in the connection's thread.
+            handler: Takes the request and returns the response; it may block, for others are served meanwhile.
             calls: Counts the calls.
             other_types: Other definitions of the type, by the md5 that their clients send; the handler must be able to
                 take their requests.
+            is_stop: It stops something: its calls wait for no others.
         """
         self._calls = calls
         self._other = other_types or {}
+        self._is_stop = is_stop
+        SERVICE_LOOP.start()
         super().__init__(name, srv_type, handler)
 
-    def accept(self, sock: Any, header: Dict[str, str]) -> bool:
-        """Accept a connection of a client that was built with one of the other definitions; return False where it was
-        not.
+    def accept(self, sock: Any, header: Dict[str, Any]) -> Optional[str]:
+        """Accept the connection of a client that was built with a known definition; return why it is refused, in
+        rospy's words, or None.
         """
-        other = self._other.get(header.get("md5sum", ""))
-        if other is None:
-            return False
-        protocol = tcpros_service.TCPService(self.resolved_name, other, self.buff_size)
-        transport = tcpros_base.TCPROSTransport(protocol, self.resolved_name, header=header)
-        transport.set_socket(sock, header["callerid"])
-        transport.write_header()
-        threading.Thread(target=self.handle, args=(transport, header), daemon=True).start()
-        return True
-
-    def handle(self, transport: Any, header: Dict[str, str]) -> None:
-        """Serve one connection, in its thread, until it ends."""
-        note_peer(header, transport.socket)
-        transport.connection = SERVICE_CONNECTIONS.add(transport.socket)
+        for field in ("md5sum", "callerid"):
+            if field not in header:
+                return "Missing required '%s' field" % field
+        own, md5 = self.service_class._md5sum, header["md5sum"]
+        kind = self._other.get(md5)
+        if kind is None and md5 not in (own, rospy.names.SERVICE_ANYTYPE):
+            return "request from [%s]: md5sums do not match: [%s] vs. [%s]" % (header["callerid"], md5, own)
+        kind = kind or self.service_class
+        greeting = tcpros_service.TCPService(self.resolved_name, kind, self.buff_size).get_header_fields()
+        rosgraph.network.write_ros_handshake_header(sock, greeting)
+        if header.get("probe") == "1":
+            sock.close()
+            return None
+        note_peer(header, sock)
+        answer = functools.partial(self.answer, kind._request_class, header)
+        connection = ServiceConnection(sock, header, answer, self._calls.one)
         try:
-            super().handle(transport, header)
-        except (rospy.exceptions.TransportException, OSError) as error:
-            _LOG.debug("%s: connection of %s ended: %s", self.resolved_name, header["callerid"], error)
-        finally:
-            transport.close()
-            SERVICE_CONNECTIONS.remove(transport.connection)
+            SERVICE_LOOP.add(connection, self._is_stop)
+        except OSError:
+            connection.close()
+            raise
+        return None
 
-    def _handle_request(self, transport: Any, request: Any) -> None:
-        with transport.connection.busy(), self._calls.one():
-            super()._handle_request(transport, request)
+    def answer(self, request_class: Any, header: Dict[str, Any], body: bytes) -> bytes:
+        """Carry out a request; return the whole answer, or the error that takes its place.
 
-    def _write_service_error(self, transport: Any, err_msg: str) -> None:
-        """Send an error in place of a response that was serialised in part."""
-        if transport.write_buff is not None:
-            transport.write_buff.seek(0)
-            transport.write_buff.truncate(0)
-        super()._write_service_error(transport, printable(err_msg))
+        Args:
+            request_class: The class of the request, by the definition with which the client was built.
+            header: The fields that the client has sent when it connected.
+            body: The serialised request.
+
+        Raises:
+            UnreadableRequest: The body is none of this class.
+        """
+        try:
+            request = request_class().deserialize(body)
+        except Exception as error:
+            raise UnreadableRequest("%d bytes are no %s (%s)" % (len(body), request_class._type, error)) from error
+        request._connection_header = header
+        try:
+            response = tcpros_service.convert_return_to_response(self.handler(request), self.response_class)
+            self.seq += 1
+            buffer = io.BytesIO(b"\1")
+            buffer.seek(1)
+            rospy.msg.serialize_message(buffer, self.seq, response)
+            return buffer.getvalue()
+        except rospy.ServiceException as error:
+            return error_answer("service cannot process request: %s" % error)
+        except Exception as error:
+            self.error_handler(error, *sys.exc_info())
+            return error_answer("error processing request: %s" % error)
 
 
 def take_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
-    """Accept a service client's connection, before rospy compares its md5; return why it is refused, or None."""
+    """Accept the connection of a service's client; return why it is refused, or None.
+
+    rospy serves its own services, and refuses whoever asks for one that does not exist.
+    """
     service = registration.get_service_manager().get_service(header.get("service", ""))
-    if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
-        return None
+    if isinstance(service, ServiceServer):
+        return service.accept(sock, header)
     return tcpros_service.service_connection_handler(sock, client_addr, header)

@@ -276,7 +276,7 @@ class Services:
             self._recorder.offers_service("~" + spec.name)
             self._servers.append(ServiceServer(
                 "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
-                other_definitions(spec.srv_type)))
+                other_definitions(spec.srv_type), spec.is_stop))
 
     def finish_calls(self, timeout: float) -> None:
         """Wait until every running call is answered, at most ``timeout`` s."""

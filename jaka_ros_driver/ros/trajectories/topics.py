@@ -68,7 +68,7 @@ class TrajectoryInterface:
             stop_motion = stop_motion_type()
             self._recorder.offers_service("stop_motion")
             self._stop_service = ServiceServer("stop_motion", stop_motion, lambda request: self._stop_motion(
-                request, stop_motion._response_class()), CallCount())
+                request, stop_motion._response_class()), CallCount(), is_stop=True)
         self._arm.add_listener(self._arrived)
         for action in self._actions:
             action.offer()

@@ -1,4 +1,5 @@
 """The page docs/architecture.md: its calls of a move are those of a real joint_move, own code is backed by tests."""
+import functools
 import os
 import re
 import threading
@@ -11,6 +12,7 @@ from arm_bench import Bench
 from call_tracer import CallTracer, faults_of, tree
 from code_lines import code_lines, lines_of_names
 from driver_bench import HOME
+from rospy.impl import tcpros_base
 from waiting import eventually
 
 from jaka_msgs.srv import Move
@@ -21,9 +23,11 @@ from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import config_from
+from jaka_ros_driver.ros.services import server as server_module
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.connection import ServiceConnection
 from jaka_ros_driver.ros.services.handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer, take_connection
 from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 PACKAGE = import_graph.ROOT / "jaka_ros_driver"
@@ -66,22 +70,33 @@ class FollowedThread(LoopTask):
         self._is_followed.set()
 
 
-class FollowedServer(ServiceServer):
-    """The service; the thread of each connection is followed."""
+class FollowedConnection(ServiceConnection):
+    """The connection of a client; the thread that serves it is followed by a tracer.
+
+    Attributes:
+        newest: The connection that was accepted last.
+        idents: The threads that have served it; the first one has carried out its only request.
+        has_ended: Set when it is closed.
+    """
 
     def __init__(self, tracer, *arguments):
-        self.tracer = tracer
+        self._tracer = tracer
+        self.idents = []
         self.has_ended = threading.Event()
+        FollowedConnection.newest = self
         super().__init__(*arguments)
 
-    def handle(self, transport, header):
-        self.ident = threading.get_ident()
-        self.tracer.follow()
+    def serve(self):
+        self.idents.append(threading.get_ident())
+        self._tracer.follow()
         try:
-            super().handle(transport, header)
+            return super().serve()
         finally:
-            self.tracer.follow_no_more()
-            self.has_ended.set()
+            self._tracer.follow_no_more()
+
+    def close(self):
+        super().close()
+        self.has_ended.set()
 
 
 class Traced:
@@ -117,31 +132,33 @@ def traced(tmp_path_factory, ros_node):
     folder = tmp_path_factory.mktemp("bench")
     bench, log = Bench(folder), AuditLog(str(folder / "audit"), 0)
     log.start()
-    tracer = CallTracer(PACKAGE)
+    tracer, monkeypatch = CallTracer(PACKAGE), pytest.MonkeyPatch()
     server = None
     try:
         arm = bench.connect(silence_timeout=10.0, reply_timeout=10.0, stale_after=8.0)  # on a busy host, too
         handlers = ServiceHandlers(arm, config_from({"ip": "127.0.0.1"}), FrameReader(arm), None, None)
         services = Services(RequestDecoder(arm.model), handlers, CallPublisher(), Recorder(log))
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
-        server = FollowedServer(tracer, "~joint_move", Move, services._handler(spec), CallCount())
+        monkeypatch.setattr(server_module, "ServiceConnection", functools.partial(FollowedConnection, tracer))
+        monkeypatch.setattr(tcpros_base.init_tcpros_server(), "service_connection_handler", take_connection)
+        server = ServiceServer("~joint_move", Move, services._handler(spec), CallCount())
         thread = FollowedThread(arm, tracer)
         assert eventually(lambda: arm.state is not None)
         arm.move(JointMove(HOME, 2.0, 10.0))  # of an arm that is known to rest: another one waits for that first
         found = Traced()
         for number in range(MOVES):
             tracer.calls, tracer.sequence = {}, {}
-            server.has_ended.clear()
             with tracer, closing(rospy.ServiceProxy("~joint_move", Move, persistent=True)) as call:
                 answer = call(pose=[0.2 * (number % 2 + 1)] + HOME[1:], mvvelo=1.0, mvacc=5.0)
                 call.close()
-                assert server.has_ended.wait(20.0)
+                assert FollowedConnection.newest.has_ended.wait(20.0)
             assert answer.ret == 1, answer.message
-            found.add(tracer, (server.ident, thread.ident))
+            found.add(tracer, (FollowedConnection.newest.idents[0], thread.ident))
         return found
     finally:
         if server is not None:
             server.shutdown()
+        monkeypatch.undo()
         bench.close()
         log.close(20.0)
 

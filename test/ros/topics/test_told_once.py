@@ -51,8 +51,8 @@ def ros(monkeypatch):
             name, Topic(kind)))
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, callback, argument=None, **_: (
         found.subscribers.setdefault(name, lambda message: callback(message, argument))))
-    monkeypatch.setattr(topics, "ServiceServer", lambda name, kind, handler, calls: found.services.setdefault(
-        name, handler))
+    monkeypatch.setattr(topics, "ServiceServer", lambda name, kind, handler, calls, is_stop: is_stop and (
+        found.services.setdefault(name, handler)))
     for module in (robot_status, topics):
         monkeypatch.setattr(module, "ros_clock", lambda: lambda: 10 ** 18)
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time(100)))

@@ -4,6 +4,8 @@ class ServiceException(Exception): ...
 
 class _Service:
     resolved_name: str
+    service_class: Any
+    response_class: Any
     def __init__(self, name: str, service_class: Any) -> None: ...
 
 class ServiceManager:

@@ -3,7 +3,7 @@ from typing import Any, Callable
 
 from rospy.service import _Service
 
-from .tcpros_base import TCPROSTransport, TCPROSTransportProtocol
+from .tcpros_base import TCPROSTransportProtocol
 
 class TCPService(TCPROSTransportProtocol):
     def __init__(self, resolved_name: str, service_class: Any, buff_size: int = ...) -> None: ...
@@ -18,6 +18,10 @@ class ServiceProxy(_Service):
 
 class ServiceImpl(_Service):
     buff_size: int
+    seq: int
+    handler: Callable[[Any], Any]
+    # A method, in whose place a caller may put another function.
+    error_handler: Callable[..., None]
     def __init__(
         self,
         name: str,
@@ -26,12 +30,10 @@ class ServiceImpl(_Service):
         buff_size: int = ...,
         error_handler: Callable[..., None] | None = None,
     ) -> None: ...
-    def handle(self, transport: TCPROSTransport, header: dict[str, str]) -> None: ...
     def shutdown(self, reason: str = "") -> None: ...
-    def _handle_request(self, transport: TCPROSTransport, request: Any) -> None: ...
-    def _write_service_error(self, transport: TCPROSTransport, err_msg: str) -> None: ...
 
 class Service(ServiceImpl): ...
 
+def convert_return_to_response(response: Any, response_class: Any) -> Any: ...
 def service_connection_handler(sock: socket.socket, client_addr: Any, header: dict[str, str]) -> str | None: ...
 def wait_for_service(service: str, timeout: float | None = None) -> None: ...
