@@ -107,11 +107,15 @@ def runs(page, live, arm, plan):
 
 def refuses(page, arm, plan, why):
     """Run a plan that is refused for this reason; again where a busy host is another one."""
+    said = []
+
     def done():
         answer = page.command("plan_run", arm, plan=plan["plan"])
         assert not answer["ok"]
+        said.append(answer["message"])
         return why in answer["message"]
-    return eventually(done)
+    assert eventually(done), "%s; not: %s" % (sorted(set(said)), why)
+    return True
 
 
 def state(page, arm, holds):
