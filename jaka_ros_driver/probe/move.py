@@ -16,7 +16,6 @@ from jaka_ros_driver.probe.moving import (
     ACCELERATION,
     AXIS,
     GENTLE,
-    LONGEST_DELAY_S,
     MEDIUM,
     MOVED_RAD,
     NEAR,
@@ -90,9 +89,8 @@ def _first_move(it: Moving) -> None:
 def _profile(it: Moving) -> None:
     for name, degrees in ((OUT, 2.5), (BACK, 0.0)):
         accepted = it.move(degrees, MEDIUM, GENTLE)
-        begun, target = it.arm.position, it.place(degrees)
-        if not it.arm.wait(LONGEST_DELAY_S + 8.0, lambda: abs(it.arm.position - target) <= NEAR  # noqa: B023
-                           and it.arm.has_rested(_GENTLE_REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+        begun = it.arm.position
+        if not it.arrives(it.place(degrees), accepted, 8.0, _GENTLE_REST_S):
             raise MotionEnded("it did not arrive")
         frames = [one for one in it.arm.seen if one.at >= accepted]
         moved_at = next((one.at for one in frames if abs(one.position - begun) >= MOVED_RAD), accepted)
@@ -162,9 +160,7 @@ def _blend(it: Moving) -> None:
     for tolerance, middle, end in ((_BLEND_M, _JUNCTION, 2.0 * _JUNCTION), (0.0, _JUNCTION, 0.0)):
         accepted = it.move(middle, MEDIUM, GENTLE, tolerance)
         it.move(end, MEDIUM, GENTLE, tolerance)
-        target = it.place(end)
-        if not it.arm.wait(LONGEST_DELAY_S + 10.0, lambda: abs(it.arm.position - target) <= NEAR  # noqa: B023
-                           and it.arm.has_rested(_GENTLE_REST_S, accepted)):  # noqa: B023  (it is called before the next turn)
+        if not it.arrives(it.place(end), accepted, 10.0, _GENTLE_REST_S):
             raise MotionEnded("it did not arrive")
         found.append(dwell(sampled([one for one in it.arm.seen if one.at >= accepted], accepted, it.home)))
     it.facts["joint_blend"] = blend_fact(dwell(it.curves.get(OUT, [])), found[0], found[1])

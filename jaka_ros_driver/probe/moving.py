@@ -59,6 +59,18 @@ class Moving:
         self.arm.require(JointMove(self.arm.joints(self.place(degrees)), speed, acceleration, tolerance))
         return time.monotonic()
 
+    def arrives(self, target: float, accepted: float, lasts: float, rest: float = REST_S) -> bool:
+        """Wait until the joint rests at its target; return whether it does in time.
+
+        Args:
+            target: Its position, rad.
+            accepted: When the move was accepted, monotonic s.
+            lasts: Longest time, s, of the motion once it has begun.
+            rest: Time, s, at one place that is rest.
+        """
+        return self.arm.wait(LONGEST_DELAY_S + lasts, lambda: abs(self.arm.position - target) <= NEAR
+                             and self.arm.has_rested(rest, accepted))
+
     def jog(self) -> None:
         """Begin a jog, and wait until it has gone 0.5 deg."""
         begun = self.arm.position
@@ -110,10 +122,8 @@ class Moving:
         if not any(self.arm.wait(0.1) or self.arm.is_taken(move) for _ in range(5)):
             raise MotionEnded("the move back was not accepted")
         begun = time.monotonic()
-        if not self.arm.wait(LONGEST_DELAY_S + 5.0, lambda: abs(self.arm.position - self.home) <= NEAR
-                             and self.arm.has_rested(REST_S, begun)):
+        if not self.arrives(self.home, begun, 5.0):
             raise MotionEnded("the arm did not come back")
-
 
     def keep_return(self) -> None:
         """Keep the curve of the way back that was just gone, from a rest to a rest, where it is long enough."""

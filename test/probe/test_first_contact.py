@@ -8,6 +8,7 @@ from virtual_probe import probed
 from jaka_ros_driver.probe.facts import ProbeStage
 from jaka_ros_driver.probe.move import STEPS
 from jaka_ros_driver.probe.pendant_steps import PROGRAM
+from jaka_ros_driver.probe.servo_steps import GAPS_MS
 from jaka_ros_driver.simulation.dialect.table import Dialect
 
 PAGE = (ROOT / "docs" / "first_contact.md").read_text(encoding="utf-8")
@@ -27,7 +28,7 @@ def test_the_page_has_the_steps_as_the_probe_says_and_counts_them():
     assert listed == [step.says for step in STEPS]
     assert "before each of %s steps, %s with `--program`," % (NUMBERS[len(STEPS) - 1], NUMBERS[len(STEPS)]) in WORDS
     assert STEPS.index(PROGRAM) == len(STEPS) - 2, "the step that is left out is the last but one"
-    assert "8, 16, 40 and 100 ms" in STEPS[7].says or "gaps of step 8" in WORDS
+    assert "gaps" in STEPS[7].says and "The gaps of step 8 are %d, %d, %d and %d ms." % GAPS_MS in WORDS
     assert "stops those of all joints" in STEPS[5].says and "In step 6 all joints" in WORDS
 
 

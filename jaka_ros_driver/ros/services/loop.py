@@ -187,7 +187,7 @@ class _OtherThreads(_Threads):
 
 
 class ServiceLoop:
-    """The loop of a process; it starts with its first connection."""
+    """The loop of a process; it starts with its first service, or with a connection that comes before."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
