@@ -1,6 +1,6 @@
 """The lists of what each stage of jaka_probe may send: on no controller that can be drawn is anything else sent."""
 import pytest
-from probe_bench import MAY_SEND, wrong
+from probe_bench import MAY_SEND, drawn, wrong
 from virtual_probe import NO_REQUEST, probed
 
 from jaka_ros_driver.commands import SetPower
@@ -45,8 +45,7 @@ def test_with_no_value_of_a_dimension_a_stage_sends_what_it_does_not_list(name):
 
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_no_stage_sends_to_a_drawn_controller_what_it_does_not_list(seed):
-    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
-    assert run(firmware, Dialect.from_seed(seed, firmware)).sent
+    assert run(*drawn(seed)).sent
 
 
 def test_all_that_is_listed_is_sent_and_no_output_is_switched_that_nobody_named(capsys):

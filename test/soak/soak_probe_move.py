@@ -37,6 +37,7 @@ from probe_bench import (  # noqa: E402
     ProbeOnTerminal,
     can_see,
     command,
+    drawn,
     facts_in,
     judged,
     left_room,
@@ -47,8 +48,6 @@ from virtual_probe import probed  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
 from jaka_ros_driver.probe.facts import DESCRIBED, Fact, ProbeStage  # noqa: E402
-from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
-from jaka_ros_driver.simulation.dialect.table import Dialect  # noqa: E402
 
 LEAST = 0.98
 STOPPED_WITHIN_S = 4.0
@@ -60,12 +59,6 @@ MAY_BE_OPEN = {"move_acceleration", "move_jerk_time"}
 OUTPUT = 3
 WORDS = ("--stage", "move", "--program", "weld", "--output", str(OUTPUT))
 ENDINGS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT)
-
-
-def drawn(seed):
-    """Return the firmware and the dialect of a seed."""
-    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
-    return firmware, Dialect.from_seed(seed, firmware)
 
 
 def start(folder, seed):

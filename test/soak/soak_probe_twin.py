@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live")]
 
 from command_places import command_of  # noqa: E402
-from probe_bench import Controller, ProbeOnTerminal, command, facts_in  # noqa: E402
+from probe_bench import Controller, ProbeOnTerminal, command, drawn, facts_in  # noqa: E402
 
 from jaka_bag.compare.runs.loading import load_run  # noqa: E402
 from jaka_bag.errors import BagError  # noqa: E402
@@ -30,8 +30,6 @@ from jaka_regression.replay import record_script  # noqa: E402
 from jaka_regression.scenario import scenario_of  # noqa: E402
 from jaka_regression.stage import script_of  # noqa: E402
 from jaka_ros_driver.probe.facts import Fact  # noqa: E402
-from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
-from jaka_ros_driver.simulation.dialect.table import Dialect  # noqa: E402
 
 GOLDEN = ROOT / "test" / "data" / "golden"
 LOGS = ("joint_moves", "stop_in_mid_move")
@@ -46,8 +44,7 @@ timing: {event_s: 0.3, wait_s: 0.3, cut_ms: 250, pace_percent: 3.0, pace_floor_m
 
 def arm_of(folder, seed):
     """Return the options of the simulated controller that is an unknown arm, and its firmware."""
-    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
-    dialect = Dialect.from_seed(seed, firmware)
+    firmware, dialect = drawn(seed)
     dialect = dialect.replaced({"start_delay": min(dialect.start_delay, LONGEST_DELAY_S)})
     path = folder / "dialect.json"
     path.write_text(json.dumps(dialect.as_dict()), encoding="utf-8")

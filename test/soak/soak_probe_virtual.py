@@ -16,12 +16,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live", "test/probe")]
 
-from probe_bench import MAY_SEND, DimensionTable, judged, left_room, wrong  # noqa: E402
+from probe_bench import MAY_SEND, DimensionTable, drawn, judged, left_room, wrong  # noqa: E402
 from virtual_probe import probed  # noqa: E402
 
 from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage  # noqa: E402
-from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES  # noqa: E402
-from jaka_ros_driver.simulation.dialect.table import Dialect  # noqa: E402
 
 LEAST = 0.98
 SEEN = [name for name, row in DESCRIBED.items() if row.dimension]
@@ -43,8 +41,7 @@ def complaints(bench):
 
 def run(seed):
     """Probe one dialect; return what is wrong or open, in lines, how many complaints, and the judgements."""
-    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
-    dialect = Dialect.from_seed(seed, firmware)
+    firmware, dialect = drawn(seed)
     with contextlib.redirect_stdout(io.StringIO()):
         bench, facts = probed(dialect, firmware, ProbeStage.MOVE, 3, fits=True)
     mistakes, bad = wrong(facts, dialect), complaints(bench)

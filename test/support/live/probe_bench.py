@@ -20,7 +20,8 @@ from jaka_ros_driver.probe.move import MOVES
 from jaka_ros_driver.probe.moving import AXIS
 from jaka_ros_driver.probe.set_same import DRAG_COMMAND, READ_BACK, SETTINGS
 from jaka_ros_driver.protocol.framing import ObjectStream
-from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
+from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.wire.log import TrueJoints, read_log
 
@@ -31,6 +32,12 @@ _OF_STAGE = ((ProbeStage.LOOK, ()), (ProbeStage.ASK, (*QUESTIONS, UNKNOWN_COMMAN
 MAY_SEND = {stage: frozenset(name for _, names in _OF_STAGE[:number] for name in names)
             for number, (stage, _) in enumerate(_OF_STAGE, 1)}
 """The names of all requests that the stages up to this one may send; "malformed" is the piece that is no JSON."""
+
+
+def drawn(seed):
+    """Return the firmware and the dialect of a seed."""
+    firmware = FIRMWARE_NAMES[seed % len(FIRMWARE_NAMES)]
+    return firmware, Dialect.from_seed(seed, firmware)
 
 
 class Controller:
