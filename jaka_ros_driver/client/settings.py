@@ -41,6 +41,8 @@ class ClientSettings:
         jog_max_angular_speed: Highest speed of the tool's turning in a velocity jog, rad/s.
         link_loss_stop: The controller is asked to stop the arm this time after it has lost this client during a motion;
             0 where it is not asked.
+        start_delay: Time from the acceptance of a move or jog to its beginning, where that is known of
+            this controller.
         io_index_base: Index on the wire of the first input or output, 0 or 1; None where the controller's version tells
             (docs/controller-protocol.md section 13).
         takes_io_as_counted: True where the controller's own count of the terminals stands, as with the maker's driver:
@@ -78,6 +80,7 @@ class ClientSettings:
     jog_max_linear_speed: float = 0.25
     jog_max_angular_speed: float = 0.5
     link_loss_stop: float = 0.3
+    start_delay: float = 0.0
     io_index_base: Optional[int] = None
     takes_io_as_counted: bool = False
     guard_motion: str = "stop"

@@ -17,7 +17,9 @@ class PendingRequest(Generic[T]):
         waiter: An object that the caller gets back with the reply; None where nobody waits for it.
         is_slow: True where the replies to later requests may have to wait for this one's.
         sent_at: Monotonic time at which it was sent, s.
-        was_passed: The reply to a later request came first while this one was slow: it is lost, or others pass it.
+        is_done: Its effect is visible.
+        was_passed: The reply to a later request came first while this one was slow or done: it is lost, or others pass
+            it.
     """
 
     name: str
@@ -26,6 +28,7 @@ class PendingRequest(Generic[T]):
     waiter: Optional[T]
     is_slow: bool
     sent_at: float
+    is_done: bool = False
     was_passed: bool = False
 
     @property
@@ -38,7 +41,8 @@ class Exchange(Generic[T]):
     """The requests without a reply, in order, with ``cmdName`` as the check (docs/controller-protocol.md section 3.2).
 
     A reply answers the oldest outstanding request of its ``cmdName``. A reply without a name, as with error code 1,
-    answers the oldest request of all. A reply that answers no request is stale and is dropped.
+    answers the oldest of those whose effect is not visible, else the oldest. A reply that answers no request is stale
+    and is dropped.
     """
 
     def __init__(self) -> None:
@@ -57,12 +61,13 @@ class Exchange(Generic[T]):
     def answered(self, reply: Mapping[str, Any], now: float) -> Optional[PendingRequest[T]]:
         """Remove the request that this reply answers, and return it; None for a stale reply."""
         name = reply.get("cmdName")
+        is_refusal = name is None and not all(request.is_done for request in self._outstanding)
         for place, request in enumerate(self._outstanding):
-            if name is None or request.name == name:
+            if request.name == name or (name is None and not (is_refusal and request.is_done)):
                 del self._outstanding[place]
                 others = list(self._outstanding)
                 for passed in others[:place]:
-                    passed.was_passed = passed.was_passed or passed.is_slow
+                    passed.was_passed = passed.was_passed or passed.is_slow or passed.is_done
                     passed.is_slow = False  # its reply is lost, or later ones pass it: nothing waits for it
                 for behind in others[place:] if request.is_slow else ():
                     behind.deadline = max(behind.deadline, now + behind.patience)
@@ -93,12 +98,15 @@ class Exchange(Generic[T]):
             if is_behind:
                 request.deadline = max(request.deadline, now + request.patience)
             elif request.name == name and request.is_slow:
-                is_behind, request.is_slow, request.deadline = True, False, now + patience
+                is_behind, request.is_slow, request.is_done, request.deadline = True, False, True, now + patience
 
     def overdue(self, now: float) -> Optional[PendingRequest[T]]:
-        """Return an outstanding request whose reply is late, or None; those behind a slow one are not late yet."""
+        """Return an outstanding request whose reply is late, or None.
+
+        Those behind a slow one are not late yet, and one that is done is never late where later replies have passed it.
+        """
         for request in self._outstanding:
-            if request.deadline < now:
+            if request.deadline < now and not (request.is_done and request.was_passed):
                 return request
             if request.is_slow:
                 return None

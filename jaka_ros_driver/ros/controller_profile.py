@@ -18,6 +18,7 @@ class ControllerProfile(NamedTuple):
         stop_ends_jog: True where ``stop_program`` ends a jog.
         jog_stop_ends: "any" or "its axis": whose jog the stop of a jog ends.
         feed_period: Period of the feed before a client has set one, s.
+        start_delay: Time from the acceptance of a move to its beginning, s.
         missing_commands: Commands that the controller does not know, of those that were sent.
         link_loss_stops: True where it stops a move whose client is lost, having been asked to.
     """
@@ -28,6 +29,7 @@ class ControllerProfile(NamedTuple):
     stop_ends_jog: Optional[bool] = None
     jog_stop_ends: Optional[str] = None
     feed_period: Optional[float] = None
+    start_delay: Optional[float] = None
     missing_commands: Optional[Tuple[str, ...]] = None
     link_loss_stops: Optional[bool] = None
 
@@ -47,6 +49,8 @@ _FIELDS: Dict[str, _Field] = {
     "jog_stop_ends": _Field("jog_stop_ends", lambda value: value in ("any", "its axis"), "any or its axis"),
     "feed_period": _Field("feed_period", lambda value: type(value) in (int, float) and 0.0005 <= value <= 60.0,
                           "0.0005 to 60 s"),
+    "start_delay": _Field("start_delay", lambda value: type(value) in (int, float) and 0.0 <= value <= 30.0,
+                          "0 to 30 s"),
     "missing_commands": _Field("commands_missing", lambda value: type(value) is list and all(
         type(name) is str for name in value), "a list of names"),
     "link_loss_stops": _Field("link_loss_stops", lambda value: type(value) is bool, "true or false"),
@@ -115,5 +119,7 @@ def knowledge(profile: Optional[ControllerProfile], io_index_base: int, is_base_
     period = "assumed: it follows what was asked for" if told_period is None else "known: told by the controller"
     if seen.feed_period is not None:
         period += "; %g ms before a client has set one, seen on this controller" % (1000.0 * seen.feed_period)
-    return [("first terminal", "%d, %s" % (io_index_base, base)), ("stop of a jog", jog), ("loss of the link", lost),
-            ("period of the feed", period)]
+    begin = ("assumed: within 1 s of its acceptance" if seen.start_delay is None else
+             "%g s after its acceptance, seen on this controller; one that is 1 s later is stopped" % seen.start_delay)
+    return [("first terminal", "%d, %s" % (io_index_base, base)), ("stop of a jog", jog), ("begin of a motion", begin),
+            ("loss of the link", lost), ("period of the feed", period)]

@@ -190,9 +190,9 @@ class DriverConfig:
         _io_index_base)
     controller_profile: Optional[ControllerProfile] = _parameter(
         None, "text", "", "empty, or path of a probe.json", "A report of jaka_probe on this controller "
-        "(first_contact.md). It sets io_index_base where that is auto and the interface is documented, and diagnostics "
-        "tell what it has settled and what stays assumed. Default: none. The launch files have an argument of this "
-        "name; its value none is no report.", profile_from)
+        "(first_contact.md). It sets io_index_base where that is auto and the interface is documented, and how late "
+        "the arm may begin a motion; diagnostics tell what it has settled and what stays assumed. Default: none. The "
+        "launch files have an argument of this name; its value none is no report.", profile_from)
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
                            "With it, the driver uses no controller but the simulated one of this identity; set by the "
                            "launch files.")
@@ -353,8 +353,10 @@ class DriverConfig:
             feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
             **{f.name: getattr(self, f.name) for f in dataclasses.fields(ClientSettings)
                if hasattr(self, f.name)})
+        seen = self.controller_profile
         return dataclasses.replace(
-            settings, io_index_base=self.sent_index_base, takes_io_as_counted=self.is_vendor,
+            settings, start_delay=(seen.start_delay if seen else None) or 0.0,
+            io_index_base=self.sent_index_base, takes_io_as_counted=self.is_vendor,
             workspace=load_workspace(self.workspace) if self.workspace else NO_ZONES)
 
     def arm_model(self) -> ArmModel:

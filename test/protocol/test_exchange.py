@@ -96,6 +96,29 @@ def test_what_is_seen_done_must_be_answered_soon_and_nothing_before_it_gets_more
     assert exchange.overdue(9.2) is behind
 
 
+def test_what_is_done_is_not_refused_by_a_reply_without_a_name_unless_nothing_else_waits():
+    exchange = Exchange()
+    slow = exchange.sent("power_on", 0.0, 30.0, is_slow=True)
+    first = exchange.sent("set_network_exception_handle", 0.1, 1.0)
+    second = exchange.sent("joint_move", 0.2, 1.0)
+    exchange.done("power_on", 0.3, 1.0)
+    assert exchange.answered({"errorCode": "1"}, 0.4) is first
+    assert exchange.answered({"errorCode": "1"}, 0.5) is second
+    assert exchange.answered({"errorCode": "1"}, 0.6) is slow
+
+
+@pytest.mark.parametrize("name", ["stop_program", None])
+def test_what_is_done_may_be_answered_late_where_later_replies_pass_it(name):
+    exchange = Exchange()
+    exchange.sent("power_on", 0.0, 30.0, is_slow=True)
+    exchange.done("power_on", 0.3, 1.0)
+    exchange.sent("stop_program", 0.4, 1.0)
+    exchange.answered({"cmdName": name} if name else {"errorCode": "1"}, 0.5)
+    late = exchange.sent("joint_move", 5.0, 1.0)
+    assert exchange.overdue(5.9) is None and not exchange.is_held_up
+    assert exchange.overdue(6.1) is late
+
+
 def test_the_reply_to_a_slow_request_gives_no_more_time_to_those_before_it():
     exchange = Exchange()
     stop = exchange.sent("stop_program", 0.0, 1.0)

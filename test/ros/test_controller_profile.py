@@ -34,12 +34,20 @@ def test_it_sets_the_first_terminal_where_nothing_else_does(report, values, base
     ({"feed_period": float("nan")}, "valid: 0.0005 to 60 s"), ({"feed_period": 60.1}, "valid: 0.0005 to 60 s"),
     ({"feed_period": 0.0004}, "valid: 0.0005 to 60 s"), ({"feed_period": 10 ** 400}, "valid: 0.0005 to 60 s"),
     ({"io_index_base": 10 ** 400}, "valid: 0 or 1"), ({"commands_missing": "all"}, "valid: a list of names"),
+    ({"start_delay": -0.1}, "valid: 0 to 30 s"), ({"start_delay": 30.1}, "valid: 0 to 30 s"),
+    ({"start_delay": True}, "valid: 0 to 30 s"), ({"start_delay": float("nan")}, "valid: 0 to 30 s"),
     ({"version": 17}, "valid: a text")])
 def test_a_fact_that_is_none_is_refused_with_its_name(report, facts, reason):
     with pytest.raises(WrongParameter) as told:
         config_from({"controller_profile": report(**facts)})
     assert reason in str(told.value) and "parameter ~controller_profile" in str(told.value)
     assert exit_code_of(told.value) == CONFIGURATION == 2
+
+
+@pytest.mark.parametrize("seen, taken", [(4.2, 4.2), (0, 0.0), (None, 0.0)])
+def test_an_arm_that_was_seen_to_begin_late_has_that_long(report, seen, taken):
+    assert config_from({"controller_profile": report(start_delay=seen)}).client_settings().start_delay == taken
+    assert config_from({}).client_settings().start_delay == 0.0
 
 
 @pytest.mark.parametrize("text, reason", [
@@ -70,11 +78,13 @@ def test_whether_a_lost_client_stops_the_arm_is_told(report, stops, told):
 def test_what_is_known_and_what_is_assumed_is_told():
     assumed = dict(knowledge(None, 1, False, 0.3, None))
     assert assumed["first terminal"] == "1, assumed, by its version"
-    assert all("assumed" in words for words in assumed.values()) and len(assumed) == 4
-    profile = ControllerProfile("probe.json", "1.7.2", 0, False, "its axis", 0.03, ("set_network_exception_handle",))
+    assert all("assumed" in words for words in assumed.values()) and len(assumed) == 5
+    profile = ControllerProfile("probe.json", "1.7.2", 0, False, "its axis", 0.03, 0.2,
+                                ("set_network_exception_handle",))
     known = dict(knowledge(profile, 0, False, 0.3, 0.008))
     assert not any("assumed" in words for words in known.values())
     assert known["first terminal"] == "0, seen on this controller" and "30 ms" in known["period of the feed"]
+    assert known["begin of a motion"].startswith("0.2 s after its acceptance, seen on this controller")
     assert "stop_program does not end it" in known["stop of a jog"] and "its axis" in known["stop of a jog"]
     assert dict(knowledge(profile, 1, True, 0.0, 0.008))["first terminal"] == "1, set"
     assert dict(knowledge(profile, 1, True, 0.0, 0.008))["loss of the link"] == "not asked for"

@@ -189,6 +189,7 @@ def twin_error(seed, found):
 
 
 def main():
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the probe inherits one that is ignored
     words = [int(word) for word in sys.argv[1:]]
     kills, dialects, first, at_once = [*words, *(20, 10, 0, 4)[len(words):]]
     tally, bad, table, errors = collections.Counter(), [], DimensionTable(), []

@@ -36,6 +36,10 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
 
+START_WINDOW_S = 1.0
+"""Longest time, s, until an accepted motion must be seen to begin; else it is stopped, because it may begin later."""
+_UNSEEN_S = 0.2
+"""Additional time, s, where no frame comes that would show it: two of the slowest feed."""
 _RETRY_PERIOD_S = 0.05
 """Pause, s, from the refusal of a stop to the next one."""
 _COASTING_TIME_S = 0.5
@@ -112,6 +116,14 @@ class Custody:
     def ending_reason(self) -> str:
         """The reason for which the motion is being stopped, in words; "" where it is not."""
         return str(self._outcome) if self.is_ending and self._outcome is not None else ""
+
+    def start_window(self, rest_time: float) -> float:
+        """Return how long after its acceptance a motion may begin, s; ``rest_time``: the stillness that is rest, s."""
+        return max(START_WINDOW_S, rest_time) + self.settings.start_delay
+
+    def unseen_start(self, rest_time: float) -> float:
+        """Return the same where no frame shows whether it has begun."""
+        return self.start_window(rest_time) + _UNSEEN_S
 
     def describe(self) -> str:
         """Return phase, motion and outcome in words, as evidence."""

@@ -7,7 +7,7 @@ from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.motion_guard.feed_watch import FeedWatch
 from jaka_ros_driver.client.core.motion_guard.frame_guard import Look
-from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
+from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN
 from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import Jog, JogStop
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
@@ -69,7 +69,7 @@ class JogMotion(ArmMotion):
             return
         self._has_moved = self._has_moved or max(
             [abs(a - b) for a, b in zip(self._start, state.joint_position)]) > MOVEMENT
-        if now - self._accepted_at <= max(START_WINDOW_S, self.rest_time):
+        if now - self._accepted_at <= self._custody.start_window(self.rest_time):
             return
         if not self._has_moved:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "accepted, but the arm did not move"), now)
@@ -83,7 +83,7 @@ class JogMotion(ArmMotion):
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "no jog call for %.3g s" % self._custody.settings.jog_timeout), now)
         elif (self._accepted_at is not None and not self._has_moved
-              and now - self._accepted_at >= max(UNSEEN_START_S, self.rest_time)):
+              and now - self._accepted_at >= self._custody.unseen_start(self.rest_time)):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:

@@ -13,10 +13,6 @@ from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
 
-START_WINDOW_S = 1.0
-"""Longest time, s, until an accepted motion must be seen to begin; else it is stopped, because it may begin later."""
-UNSEEN_START_S = START_WINDOW_S + 0.2
-"""Longest time, s, until then where no frame comes that would show it: two of the slowest feed."""
 NOT_SEEN_TO_BEGIN = "accepted, but the arm was not seen to move"
 _JOINT_TOLERANCE = 0.01
 """Largest distance of a joint, rad, from its target that counts as there.
@@ -44,6 +40,7 @@ class PausableMotion(ArmMotion):
             the pause no more: then somebody has resumed it at the pendant.
     """
 
+    _custody: Custody
     is_paused = False
     _held_at = 0.0
     _frames_without = 0
@@ -63,7 +60,7 @@ class PausableMotion(ArmMotion):
             self._counted_until = None
             return False
         passed = 0.0 if self._counted_until is None else now - self._counted_until
-        self.deadline = max(self.deadline + passed, now + START_WINDOW_S)
+        self.deadline = max(self.deadline + passed, now + self._custody.start_window(0.0))
         self._counted_until = now
         return True
 
@@ -153,7 +150,7 @@ class Move(PausableMotion):
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "not completed after %.0f s" % self._custody.settings.motion_timeout), now)
         elif (self._must_move and not self._has_moved and self._waits_since is not None
-              and now - max(self._waits_since, self._held_at) >= max(UNSEEN_START_S, self.rest_time)):
+              and now - max(self._waits_since, self._held_at) >= self._custody.unseen_start(self.rest_time)):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
@@ -217,14 +214,14 @@ class Move(PausableMotion):
         """Decide by the measured positions whether the motion has ended; ``inpos`` counts only where it has followed
         it.
 
-        After 1 s of rest a stop makes sure of the end: what begins later is too late.
+        After the rest of ``start_window`` a stop makes sure of the end: what begins later is too late.
         """
         since, custody = max(self._accepted_at, self._held_at), self._custody
         if custody.rest_since(since) < self.rest_time or not all(part.is_accepted for part in self._parts):
             return
         resting = custody.stillness.elapsed(since)
         distance = relative_distance(target, state)
-        is_late = resting >= max(START_WINDOW_S, self.rest_time)
+        is_late = resting >= custody.start_window(self.rest_time)
         if distance is not None and distance <= 1.0:
             if self._has_arrived(distance, resting, state) and self._is_seen_after_all(since):
                 if self._last_leads_nowhere(state):
@@ -307,8 +304,8 @@ class Move(PausableMotion):
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, now: float) -> None:
         """Stop a move that has not begun in time, by the clock: frames of rest may be missing at that moment."""
-        if self._waits_since is None or now - max(self._waits_since, self._held_at) < max(
-                START_WINDOW_S, self.rest_time):
+        if (self._waits_since is None
+                or now - max(self._waits_since, self._held_at) < self._custody.start_window(self.rest_time)):
             return
         distance = relative_distance(target, state)
         if distance is not None and distance <= 1.0:

@@ -4,7 +4,7 @@ import math
 import pytest
 from stories import HOME, WHOLE_STOP, Story
 
-from jaka_ros_driver.client.core.move import START_WINDOW_S
+from jaka_ros_driver.client.core.custody import START_WINDOW_S
 from jaka_ros_driver.client.core.procedures.pausing import pause
 from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, ReplyTimeout, StopCause
@@ -116,6 +116,19 @@ def test_a_start_that_is_late_is_stopped_whatever_a_flag_says(flags):
     assert story.error("move") == "pending"
     story.run(0.1, **flags)
     assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1
+
+
+@pytest.mark.parametrize("begin", [
+    lambda core, now: core.move("call", JointMove(TARGET, 1.0, 1.0), True, now),
+    lambda core, now: core.jog("call", Jog(JogFrame.JOINT, 0, 0.3), now)], ids=["move", "jog"])
+@pytest.mark.parametrize("feed", [True, False], ids=["seen", "unseen"])
+def test_an_arm_that_is_known_to_begin_late_has_that_much_longer(begin, feed):
+    story = Story(start_delay=4.0, jog_timeout=60.0, silence_timeout=60.0)
+    begin(story.core, story.now)
+    story.perform()
+    story.feed = feed
+    assert story.run(3.9 + START_WINDOW_S).count("stop_program") == 0
+    assert story.run(0.4).count("stop_program") == 1
 
 
 @pytest.mark.parametrize("inpos", [True, False])

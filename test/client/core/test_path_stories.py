@@ -102,6 +102,18 @@ def test_a_path_that_has_not_begun_1_s_after_its_first_acceptance_is_stopped_how
     assert story.count("stop_program") == 1
 
 
+def test_a_path_that_is_too_slow_to_be_seen_in_1_s_has_as_long_as_a_move_of_its_speed():
+    story = OnPath().begin("path", line(0.5, 0.1, speed=5e-4), line(0.5, 0.2, speed=5e-4)).run(1.1)
+    assert story.count("stop_program") == 0
+    assert story.run(0.3).count("stop_program") == 1
+
+
+def test_a_path_of_an_arm_that_is_known_to_begin_late_has_that_much_longer():
+    story = on_square(start_delay=4.0).run(4.8)
+    assert story.count("stop_program") == 0
+    assert story.run(0.2).count("stop_program") == 1
+
+
 def test_a_path_that_is_held_near_its_end_is_not_completed_without_a_stop():
     story = OnPath().begin("path", line(0.5, 0.1)).run(0.05).glide(499.5, 100.0, speed=500.0, inpos=True).run(0.9)
     assert story.error("path") == "pending" and story.count("stop_program") == 0

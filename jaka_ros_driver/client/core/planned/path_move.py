@@ -11,8 +11,6 @@ from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import (
     NOT_SEEN_TO_BEGIN,
-    START_WINDOW_S,
-    UNSEEN_START_S,
     PausableMotion,
     distance_text,
     relative_distance,
@@ -118,7 +116,7 @@ class PathMove(PausableMotion):
             self._completed = self._tracker.completed
             self._set_deadline(now)
         if not self._has_moved and self._must_move and state.received_at > self._begun_at:
-            if now - max(self._begun_at, self._held_at) >= START_WINDOW_S:
+            if now - max(self._begun_at, self._held_at) >= self._custody.start_window(self.rest_time):
                 self._end_away(StopCause.FAULT, "accepted, but the arm did not move; it is %s from the end", state, now)
         elif self._accepted_at is not None and state.received_at > self._accepted_at:
             self._look_for_the_end(self._accepted_at, state, now)
@@ -136,7 +134,7 @@ class PathMove(PausableMotion):
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "no segment completed for %.0f s" % self._custody.settings.motion_timeout), now)
         elif (self._begun_at is not None and self._must_move and not self._has_moved
-              and now - max(self._begun_at, self._held_at) >= UNSEEN_START_S):
+              and now - max(self._begun_at, self._held_at) >= self._custody.unseen_start(self.rest_time)):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
@@ -193,7 +191,7 @@ class PathMove(PausableMotion):
             return
         resting = self._custody.stillness.elapsed(since)
         distance = relative_distance(self._target, state)
-        is_late = resting >= max(START_WINDOW_S, self.rest_time)
+        is_late = resting >= self._custody.start_window(self.rest_time)
         if distance is not None and distance <= 1.0 and self._was_followed:
             if self._has_arrived(distance, resting, state):
                 self._custody.finish(now)
