@@ -88,6 +88,8 @@ DESCRIBED: Dict[str, Described] = {
     "second_client": Described(_ASK, "a second client of the command port coexists with the first, replaces it "
                                "or is refused", "", "1", "second_client"),
     "same_values": Described(_SET, "settings that take the value that they have, and read it back", "", "5.7"),
+    "feed_period_asked": Described(_SET, "period of the feed where the driver's 8 ms are asked for", "s", "6.1",
+                                   "shortest_feed_period"),
     "tool_ids": Described(_SET, "ids of tools that take a value", "", "5.7"),
     "user_ids": Described(_SET, "ids of user frames that take a value", "", "5.7"),
     "user_frame_key": Described(_SET, "key of `set_user_offsets` that is read", "", "5.7", "user_frame_key"),

@@ -28,7 +28,7 @@ from jaka_ros_driver.probe.moving import (
 from jaka_ros_driver.probe.pendant_steps import NOT_ENABLED, PROGRAM, PROGRAM_MOVES
 from jaka_ros_driver.probe.person import Person
 from jaka_ros_driver.probe.servo_steps import AHEAD, frames_ahead, leave_servo, servo_off_time, starve, stop_servo
-from jaka_ros_driver.probe.set_same import PrintLine, StageEnded
+from jaka_ros_driver.probe.set_same import PrintLine, StageEnded, note_missing
 from jaka_ros_driver.probe.twin import BACK, MOVE, OUT, RETURN, STOP, AskedMotion
 from jaka_ros_driver.state import RobotState, unrest
 from jaka_ros_driver.units import deg_to_rad, rad_to_deg
@@ -243,9 +243,7 @@ def _link_loss(it: Moving) -> None:
     reply = it.arm.ask(SetLinkLoss(_LOSS_S))
     code = "" if reply is None else code_of(reply)
     if code == NOT_KNOWN:
-        missing = it.facts.get("commands_missing")
-        if missing is not None and missing.value is not None:
-            it.facts["commands_missing"] = missing._replace(value=sorted({*missing.value, _LOSS_COMMAND}))
+        note_missing(it.facts, _LOSS_COMMAND)
     if code != "0":
         it.arm.put_back = None if code else it.arm.put_back
         raise MotionEnded("%s is %s" % (_LOSS_COMMAND, "refused with code %s" % code if code else "not answered"))

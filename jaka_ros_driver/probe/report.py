@@ -18,7 +18,7 @@ _WIDTH = 110
 _LARGEST = 1e12
 """Largest number in a fact: no quantity of an arm is larger."""
 _LESS_THAN = {"feed_period": 0.002, "frame_bytes": 0.05, "start_delay": 0.15, "servo_leave_delay": 0.02,
-              "link_loss_notice": 0.3, "move_acceleration": 0.1, "move_jerk_time": 0.05}
+              "link_loss_notice": 0.3, "move_acceleration": 0.1, "move_jerk_time": 0.05, "shortest_feed_period": 0.0075}
 """Differences that are chance: of times, s; of a length, as a share; of an acceleration, in times what was asked."""
 
 
@@ -221,7 +221,7 @@ def difference(one: Facts, other: Facts) -> List[str]:
 
 def _is_chance(name: str, a: Any, b: Any) -> bool:
     if DESCRIBED[name].unit and isinstance(a, (int, float)) and isinstance(b, (int, float)):
-        if name in ("feed_period", "feed_period_told", "frame_bytes"):
+        if name in ("feed_period", "feed_period_told", "feed_period_asked", "frame_bytes"):
             return abs(a - b) <= max(0.05 * max(a, b), 0.0005)
         if name in _LESS_THAN:
             return abs(a - b) <= _LESS_THAN[name]

@@ -19,6 +19,7 @@ from jaka_ros_driver.probe.recorded import ConnectionLog
 from jaka_ros_driver.protocol.codec import decode
 from jaka_ros_driver.protocol.framing import JsonObject, encode_object
 from jaka_ros_driver.state import FRESH_S, IoBank, Vector, unrest
+from jaka_ros_driver.units import s_to_ms
 
 HOLD_S = 1.0
 """Time, s, for which an output has its other value."""
@@ -27,6 +28,7 @@ SETTINGS: Dict[str, str] = {
     "set_clsn_sensitivity": "the collision level that it has",
     "set_tool_id": "the tool that is active",
     "set_user_id": "the user frame that is active",
+    "set_port10000_delay_ms": "the period of the feed: for 1 s the 8 ms for which the driver asks, and back",
     "set_tool_offsets": "zero, of tools that are zero and not active",
     "set_user_offsets": "zero, of user frames that are zero and not active; one of them 1 mm and 2 mm along x, to "
                         "learn which spelling of its key is read, and zero again",
@@ -36,9 +38,18 @@ SETTINGS: Dict[str, str] = {
 """All commands that set, and to what."""
 READ_BACK: FrozenSet[str] = frozenset((
     "get_payload", "get_clsn_sensitivity", "get_curr_tool_id", "get_curr_user_id", "get_tool_offsets",
-    "get_user_offsets", "get_drag_status", "get_digital_output"))
+    "get_user_offsets", "get_port10000_delay_ms", "get_drag_status", "get_digital_output"))
 """All commands that read, before and after."""
 DRAG_COMMAND = "torque_control_enable"
+PERIOD_COMMAND, _PERIOD = "set_port10000_delay_ms", "port10000_delay_ms"
+ASKED_S = 0.008
+"""Period, s, for which the driver asks."""
+_BEFORE_S, _LISTENED_S = 0.3, 1.0
+"""Time, s, after which frames come at the new period, and for which they are heard."""
+_SLOWER = 1.25
+"""A longer mean period, in times what was asked for, is not the one that was asked for."""
+_LEAST_FRAMES = 5
+"""Fewest frames whose mean period is told."""
 _ANSWER_S, _SLOW_S = 3.0, 15.0
 """Patience, s, with a reply; with one that may wait for what it begins."""
 _GLANCE_S = 0.01
@@ -154,11 +165,15 @@ class Desk:
             self._asked.connection.close()
         self._asked = None
 
-    def outputs(self, seconds: float) -> Optional[Vector]:
-        """Return the cabinet's outputs in the newest frame of the next time, s, index 0 first; None without one."""
+    def frames(self, seconds: float) -> List[float]:
+        """Listen for this time, s; return when frames came meanwhile, monotonic s."""
         seen = len(self.feed.times)
         listen([self.feed], time.monotonic() + seconds)
-        return self.feed.states[-1].io.values(IoBank.CABINET, True, True) if len(self.feed.times) > seen else None
+        return self.feed.times[seen:]
+
+    def outputs(self, seconds: float) -> Optional[Vector]:
+        """Return the cabinet's outputs in the newest frame of the next time, s, index 0 first; None without one."""
+        return self.feed.states[-1].io.values(IoBank.CABINET, True, True) if self.frames(seconds) else None
 
     def require_rest(self) -> None:
         """Raise StageEnded unless fresh frames show an arm at rest that nobody guides by hand."""
@@ -234,6 +249,9 @@ def set_same(desk: Desk, facts: Facts, back: SetBack, output: Optional[int], ask
             taken += [] if outcome else [setter]
     finally:
         facts["same_values"] = Fact(taken, "; ".join(outcomes))
+    tell("now %s" % PERIOD_COMMAND)
+    desk.require_rest()
+    facts["feed_period_asked"] = _asked_period(desk, facts, back)
     tell("now set_tool_offsets")
     tools = _free_frames(desk, back, "tool", ("tooloffset",))
     facts["tool_ids"] = tools.fact
@@ -244,13 +262,19 @@ def set_same(desk: Desk, facts: Facts, back: SetBack, output: Optional[int], ask
     tell("now %s" % DRAG_COMMAND)
     desk.require_rest()
     facts["drag_command"] = _drag_command(desk)
-    missing = facts.get("commands_missing")
-    if missing is not None and missing.value is not None and facts["drag_command"].value == "not known":
-        facts["commands_missing"] = missing._replace(value=sorted({*missing.value, DRAG_COMMAND}))
+    if facts["drag_command"].value == "not known":
+        note_missing(facts, DRAG_COMMAND)
     if output is not None:
         tell("now set_digital_output")
         desk.require_rest()
         _switch_output(desk, facts, back, output, ask_person)
+
+
+def note_missing(facts: Facts, command: str) -> None:
+    """Note a command that the controller does not know."""
+    missing = facts.get("commands_missing")
+    if missing is not None and missing.value is not None:
+        facts["commands_missing"] = missing._replace(value=sorted({*missing.value, command}))
 
 
 def _same(desk: Desk, setter: str, back: SetBack) -> str:
@@ -401,6 +425,52 @@ def _zero_again(desk: Desk, back: SetBack, users: _Frames, number: int, before: 
             return True
     back.note("user frame %d" % number, "zero", None if after is None else after[number:number + 1])
     return False
+
+
+# ---- the feed ----
+
+def _told_period(desk: Desk) -> Optional[float]:
+    """Return the period of the feed that the controller tells, ms; None where it tells none."""
+    reply = desk.read("get_port10000_delay_ms")
+    try:
+        return None if reply is None or not decode(Query.FEED_PERIOD, reply) > 0.0 else reply[_PERIOD]
+    except (JakaError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _asked_period(desk: Desk, facts: Facts, back: SetBack) -> Fact:
+    """Ask for the period for which the driver asks, see at which one frames come, and set it back."""
+    before = _told_period(desk)
+    if before is None:
+        return Fact(None, "the controller does not tell its period, so it could not be set back")
+    times: List[float] = []
+    with uninterrupted():
+        try:
+            reply = desk.ask(PERIOD_COMMAND, **{_PERIOD: round(s_to_ms(ASKED_S))})
+            if not _why_refused(reply):
+                desk.frames(_BEFORE_S)
+                times = desk.frames(_LISTENED_S)
+        finally:
+            _set_period_back(desk, back, before)
+    if reply.content is not None and code_of(reply.content) == NOT_KNOWN:
+        note_missing(facts, PERIOD_COMMAND)
+    why = _why_refused(reply)
+    if why or len(times) < _LEAST_FRAMES:
+        return Fact(None, "%s %s" % (PERIOD_COMMAND, why or "was taken, and %d frames came" % len(times)))
+    mean = (times[-1] - times[0]) / (len(times) - 1)
+    return Fact(ASKED_S if mean <= _SLOWER * ASKED_S else round(mean, 5),
+                "mean of %d frames: %.2f ms, 8 ms were asked for" % (len(times), s_to_ms(mean)))
+
+
+def _set_period_back(desk: Desk, back: SetBack, before: float) -> None:
+    for _ in range(2):
+        after = _told_period(desk)
+        if _is_equal(after, before):
+            return
+        desk.ask(PERIOD_COMMAND, **{_PERIOD: before})
+    after = _told_period(desk)
+    if not _is_equal(after, before):
+        back.note("period of the feed, ms", before, after)
 
 
 # ---- hand guiding, outputs ----

@@ -13,6 +13,7 @@ import pytest
 
 from jaka_ros_driver.probe import command, report
 from jaka_ros_driver.probe.ask import TimedReply
+from jaka_ros_driver.probe.facts import Fact
 from jaka_ros_driver.probe.set_same import SETTINGS, Desk, SetBack, StageEnded, _is_equal, set_same, uninterrupted
 from jaka_ros_driver.state import RobotState
 
@@ -34,6 +35,7 @@ class OddController(Desk):
         self.users[1][0] = 200.0
         self.terminals = [0, 1, 1, 0, 0]
         self.payload = {"mass": 1.23456789, "centroid": [0.0, 10.0, 40.0]}
+        self.period_ms, self.shortest_ms, self.periods_refused = 30, 1, ""
         self.is_sticky = self.is_wild = False
         self.ended_at = ""
         self.sent = []
@@ -62,6 +64,12 @@ class OddController(Desk):
             self.tools[0 if self.is_wild else given["id"]] = [1.0] * 6 if self.is_wild else list(given["tooloffset"])
         if name == "set_user_offsets":
             self.users[given["id"]] = list(given[next(key for key in (*self.keys, "") if key in given or not key)])
+        if name == "get_port10000_delay_ms":
+            return {"port10000_delay_ms": self.period_ms}
+        if name == "set_port10000_delay_ms":
+            if self.periods_refused and len(self.sent_names(name)) <= 2:
+                return {"errorCode": self.periods_refused}
+            self.period_ms = given["port10000_delay_ms"]
         if name == "get_drag_status":
             return {"status": False}
         if name == "get_digital_output":
@@ -70,8 +78,15 @@ class OddController(Desk):
             self.terminals[given["index"] - self.set_base] = given["value"]
         return None
 
+    def frames(self, seconds):
+        period = 1e-3 * max(self.period_ms, self.shortest_ms)
+        return [number * period for number in range(int(seconds / period))]
+
     def outputs(self, seconds):
         return tuple(self.terminals)
+
+    def sent_names(self, name):
+        return [given for one, given in self.sent if one == name]
 
     def require_rest(self):
         if self.ended_at and self.sent and self.sent[-1][0] == self.ended_at:
@@ -79,7 +94,7 @@ class OddController(Desk):
 
 
 def run(desk, output=None, answer=""):
-    facts, back = {}, SetBack()
+    facts, back = {"commands_missing": Fact([], "")}, SetBack()
     before = ([list(row) for row in desk.users], list(desk.terminals))
     with contextlib.suppress(StageEnded):
         set_same(desk, facts, back, output, lambda question: answer, lambda line: None)
@@ -128,6 +143,30 @@ def test_what_could_not_be_set_back_is_told_first():
     assert report.as_json(facts, [], False, left)["not_set_back"] == left
 
 
+@pytest.mark.parametrize("told, shortest, refused, seen, sent", [
+    (30, 1, "", 0.008, [8, 30]), (30, 20, "", 0.02, [8, 30]), (8, 1, "", 0.008, [8]), (30, 500, "", None, [8, 30]),
+    (30, 1, "1", None, [8]), (30, 1, "2", None, [8]), (0, 1, "", None, []), ("30 ms", 1, "", None, []),
+    (float("nan"), 1, "", None, [])])
+def test_the_period_of_the_feed_is_what_it_was_after_the_drivers_was_asked_for(told, shortest, refused, seen, sent):
+    desk = OddController()
+    desk.period_ms, desk.shortest_ms, desk.periods_refused = told, shortest, refused
+    facts, left, _ = run(desk)
+    assert facts["feed_period_asked"].value == (seen and pytest.approx(seen, rel=0.01)) and not left
+    assert [given["port10000_delay_ms"] for given in desk.sent_names("set_port10000_delay_ms")] == sent
+    assert ("set_port10000_delay_ms" in facts["commands_missing"].value) is (refused == "1")
+
+
+def test_a_period_that_is_not_set_back_is_told():
+    desk, plain = OddController(), OddController.ask
+
+    def ask(name, patience=0.0, **given):
+        return plain(desk, name, patience, **{key: 8 if key == "port10000_delay_ms" else value
+                                             for key, value in given.items()})
+    desk.ask = ask
+    facts, left, _ = run(desk)
+    assert left == ["period of the feed, ms: was 30, is 8"]
+
+
 def test_nothing_more_is_written_to_a_table_that_one_id_changed_elsewhere():
     desk = OddController()
     desk.is_wild = True
@@ -140,7 +179,7 @@ def test_an_arm_that_moves_ends_the_stage():
     desk = OddController()
     desk.ended_at = "get_clsn_sensitivity"
     facts, left, is_same = run(desk)
-    assert is_same and not left and set(facts) == {"same_values"}
+    assert is_same and not left and set(facts) == {"commands_missing", "same_values"}
     assert not {name for name, _ in desk.sent} & (set(SETTINGS) - {"set_payload", "set_clsn_sensitivity"})
 
 

@@ -18,7 +18,7 @@ from jaka_ros_driver.probe.facts import DESCRIBED, ProbeStage
 from jaka_ros_driver.probe.motion import OTHERS_RAD, ROOM_M, ROOM_RAD
 from jaka_ros_driver.probe.move import MOVES
 from jaka_ros_driver.probe.moving import AXIS
-from jaka_ros_driver.probe.set_same import DRAG_COMMAND, READ_BACK, SETTINGS
+from jaka_ros_driver.probe.set_same import ASKED_S, DRAG_COMMAND, PERIOD_COMMAND, READ_BACK, SETTINGS
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES
 from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
@@ -113,6 +113,8 @@ def wrong(found, dialect):
         value = report.dialect_of(found)[key]
         if key == "feed_period":
             is_right = abs(value - max(true, dialect.shortest_feed_period)) < 0.002 + 0.1 * true
+        elif key == "shortest_feed_period":
+            is_right = abs(value - max(true, ASKED_S)) < 0.002 + 0.1 * true
         elif key == "frame_bytes":
             is_right = abs(value - true) < 20 or true < value < 7000  # as long as its fields are
         elif key == "unknown_frame_fields":
@@ -122,7 +124,7 @@ def wrong(found, dialect):
         elif key in _NEAR:
             is_right = abs(value - true) <= _NEAR[key]
         elif key == "missing_commands":
-            sent = {*QUESTIONS, *([DRAG_COMMAND] if "drag_command" in found else []),
+            sent = {*QUESTIONS, *([DRAG_COMMAND, PERIOD_COMMAND] if "drag_command" in found else []),
                     *(["set_network_exception_handle"] if "link_loss_notice" in found else [])}
             is_right = set(value) == set(true) & sent
         else:
@@ -139,6 +141,8 @@ def can_see(name, dialect):
     """Return whether this controller shows a fact to the stage that looks for it."""
     if name == "link_loss_notice":
         return dialect.knows("set_network_exception_handle")
+    if name == "feed_period_asked":
+        return dialect.knows(PERIOD_COMMAND)
     if name == "move_jerk_time":
         return max(dialect.feed_period, dialect.shortest_feed_period) <= _SLOWEST_FEED_S
     return True
