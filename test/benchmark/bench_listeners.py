@@ -179,7 +179,7 @@ def bare(count, duration):
         with readers(count):
             return measured(process.pid, duration)
     finally:
-        process.terminate()
+        process.kill()  # rospy's own shutdown may wait for ever for a thread that publishes
         process.wait()
 
 
