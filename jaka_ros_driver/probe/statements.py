@@ -132,6 +132,8 @@ STATEMENTS: Dict[str, Statement] = {
     "S36": Statement("`stop_program` stops a running program", "C", "5.4.4", ("stop_ends_program",), bool),
     "S37": Statement("a controller can be asked to stop the motion of a client that is lost", "D", "5.13",
                      ("link_loss_stops",), bool),
+    "S38": Statement("a feed that is asked for 8 ms has a frame every 8 ms", "I", "6.1", ("feed_period_asked",),
+                     lambda value: value <= 0.01),
 }
 """All statements by id. An id is never used again for another statement."""
 
