@@ -26,11 +26,3 @@ def keep_freed_memory() -> None:
         return
     for setting in _SETTINGS:
         mallopt(setting.number, setting.size)
-
-
-def give_back_freed_memory() -> None:
-    """Return freed memory to the system; threads leave it in pieces, of which ever more would be kept."""
-    try:
-        ctypes.CDLL(None).malloc_trim(0)
-    except (AttributeError, OSError):
-        pass  # another C library

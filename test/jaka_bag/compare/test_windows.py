@@ -1,11 +1,13 @@
 """Long logs are compared in windows: with the outcome of logs that are kept whole, in memory that does not grow."""
+import sys
+import threading
 import tracemalloc
 
 import numpy as np
 import pytest
 from synthetic_session import Conditions, simulate, write_log, write_long_log
 
-from jaka_bag.compare.comparison import compare_runs
+from jaka_bag.compare.comparison import compare_logs, compare_runs
 from jaka_bag.compare.matching import alignment
 from jaka_bag.compare.report.html import as_html
 from jaka_bag.compare.report.pictures import Pictures
@@ -131,6 +133,43 @@ def test_memory_does_not_grow_with_the_logs(tmp_path, small_windows, monkeypatch
         assert comparison.same, comparison.differences
         peaks.append(peak)
     assert peaks[1] < 1.3 * peaks[0] + 2e6, peaks
+
+
+def calls_of(golden, candidate):
+    """Return how many functions a comparison calls, those in C included."""
+    count = 0
+
+    def note(_frame, event, _function):
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(note)
+    try:
+        assert compare_logs(golden, candidate).same
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_work_grows_with_the_length_of_the_logs(tmp_path, small_windows, monkeypatch):
+    monkeypatch.setattr(alignment, "COMMON_MOTIONS", 4)
+    calls = []
+    for seconds in (30.0, 60.0, 120.0):
+        golden = write_long_log(tmp_path / ("golden%g.mcap" % seconds), seconds, block_s=30.0)
+        candidate = write_long_log(tmp_path / ("candidate%g.mcap" % seconds), seconds, Conditions(seed=5), None, 30.0)
+        calls.append(calls_of(golden, candidate))
+    assert 1.6 < (calls[2] - calls[1]) / (calls[1] - calls[0]) < 2.2, calls
+
+
+def test_two_logs_are_read_without_threads(tmp_path, monkeypatch):
+    # two that decode small arrays wait for each other most of the time
+    path = write_log(tmp_path / "log.mcap", simulate([], Conditions()))
+
+    def refuse(_thread):
+        raise AssertionError("a thread is started")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    assert compare_logs(path, path).same
 
 
 def test_a_spike_of_one_sample_in_a_long_log_is_found_and_drawn(tmp_path, small_windows):

@@ -10,7 +10,6 @@ from typing import IO, Callable, Dict, Iterator, List, NamedTuple, Optional, Seq
 
 import numpy as np
 
-from ... import allocator
 from ...messages.batch import Array
 from .run import Arrivals, TimeWindow, Track, joined
 
@@ -20,8 +19,6 @@ _WINDOW_ROWS = 120000
 """Rows of a window: some MB of samples, and few enough windows that their edges cost nothing."""
 _KEPT_BYTES = 64 << 20
 """Bytes of decoded parts kept in memory; what is beyond goes to a file."""
-_TRIM_EVERY = 48
-"""Parts between two returns of freed memory to the system, each of which walks the whole heap."""
 
 TrackKey = Tuple[str, str]
 """Topic, and the field where it is a further one."""
@@ -106,7 +103,6 @@ class LogWindows:
         self._cells: Dict[str, Dict[int, Set[int]]] = {}
         self._counts: Dict[int, int] = {}
         self.is_all_kept = True
-        self._decoded = 0
 
     @property
     def part_count(self) -> int:
@@ -136,9 +132,6 @@ class LogWindows:
             self._store.put(oldest, left)
             self._kept_bytes -= sum(topic.size for topic in left.values())
             self.is_all_kept = False
-        self._decoded += 1
-        if not self.is_all_kept and self._decoded % _TRIM_EVERY == 0:
-            allocator.give_back_freed_memory()
         return rows
 
     def note(self, number: int, rows: Dict[str, Rows]) -> None:
