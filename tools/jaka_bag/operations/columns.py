@@ -24,12 +24,19 @@ from ..pipeline import WORKERS, in_order
 _GROUP_MESSAGES, _GROUP_BYTES, _UNPACKED_BYTES = 30000, 2 << 20, 16 << 20
 
 
-def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
-    """Group chunks in the order of time, into groups that are worth to be decoded at once."""
+def chunk_groups(chunks: Sequence[ChunkRef], times: int = 1) -> List[List[ChunkRef]]:
+    """Group chunks in the order of time, into groups that are worth to be decoded at once.
+
+    Args:
+        chunks: The chunks.
+        times: A group has so many times the usual messages, for one who works on all of it at once; what it may
+            unpack to stays.
+    """
     groups: List[List[ChunkRef]] = []
     messages = size = unpacked = 0
     for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.position)):
-        if not groups or messages >= _GROUP_MESSAGES or size >= _GROUP_BYTES or unpacked >= _UNPACKED_BYTES:
+        if not groups or messages >= times * _GROUP_MESSAGES or size >= times * _GROUP_BYTES \
+                or unpacked >= _UNPACKED_BYTES:
             groups.append([])
             messages = size = unpacked = 0
         groups[-1].append(chunk)

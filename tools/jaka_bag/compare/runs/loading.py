@@ -38,6 +38,8 @@ _MD5SUMS = {JOINT_STATE: "3066dcd76a6cfaef579bd0f34173e9fd", TWIST_TYPE: "98d34b
             POSE_TYPE: "d3812c3cbc69362b77dc0b19b345f8f5"}
 _SCANS = 4
 """Most readings of a log; after one its fields are known, and each further one is for what they showed."""
+_PART_GROUPS = 4
+"""Multiple of the usual messages that are decoded at once: of few, most of the time goes to what each part costs."""
 _MORE_OF_JOINTS = ("velocity", "effort")
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
@@ -128,7 +130,7 @@ class _Loader:
         self._widths: Dict[str, Dict[str, int]] = {}
         self._usual: Dict[str, Dict[str, int]] = {}
         self._scan: Optional[_Scan] = None
-        self._parts = chunk_groups([chunk for chunk in reader.chunks if self._is_wanted(chunk)])
+        self._parts = chunk_groups([chunk for chunk in reader.chunks if self._is_wanted(chunk)], _PART_GROUPS)
         spans = [(min(chunk.start_time for chunk in part), max(chunk.end_time for chunk in part))
                  for part in self._parts]
         self._windows = LogWindows(self._decode, [tuple(self._seconds(np.array(span)).tolist()) for span in spans],
@@ -192,7 +194,7 @@ class _Loader:
         """Return the rows of a part of the log, by topic."""
         found: Dict[str, List[Grouped]] = {}
         times: Dict[str, List[Array]] = {}
-        for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
+        for decoded, timed in map(self._work, self._parts[number]):
             for topic, some in decoded.items():
                 found.setdefault(topic, []).append(some)
             for topic, log_times in timed.items():
