@@ -45,14 +45,17 @@ class Quantiles:
         if not self._kept:
             return
         values = np.concatenate(self._kept)
-        self._kept, self._kept_count, self._exact = [], 0, _EXACT // 4
+        self._kept, self._kept_count, self._exact = [], 0, _EXACT // 2
         number = _classes_of(values)
-        first = int(number[len(number) // 2]) - _DENSE // 2
-        inside = (number >= first) & (number < first + _DENSE)
-        if not inside.all():
+        first, last = int(number.min()), int(number.max())
+        if last - first >= _DENSE:
+            first = int(number[len(number) // 2]) - _DENSE // 2
+            last = first + _DENSE - 1
+            inside = (number >= first) & (number <= last)
             self._add_classes(*np.unique(number[~inside], return_counts=True))
-        table = np.bincount(number[inside] - first, minlength=_DENSE)
-        begin, end = np.searchsorted(self._classes, (first, first + _DENSE))
+            number = number[inside]
+        table = np.bincount(number - first, minlength=last - first + 1)
+        begin, end = np.searchsorted(self._classes, (first, last + 1))
         table[self._classes[begin:end] - first] += self._counts[begin:end]
         which = np.flatnonzero(table)
         self._classes = np.concatenate([self._classes[:begin], which + first, self._classes[end:]])
@@ -124,6 +127,8 @@ class Quantiles:
 def _classes_of(values: Array) -> Array:
     """Return the number of each value's class; they rise with the values."""
     bits = np.ascontiguousarray(values, float).view(np.int64)
-    number = bits >> _SHIFT
+    number: Array = bits >> _SHIFT
+    negative = np.flatnonzero(bits < 0)
     # the sign is the highest bit: negative values are ordered by what follows it, backwards
-    return np.where(bits < 0, -1 - (number & (2 ** (63 - _SHIFT) - 1)), number)
+    number[negative] = -1 - (number[negative] & (2 ** (63 - _SHIFT) - 1))
+    return number
