@@ -4,7 +4,7 @@ import pytest
 from synthetic_session import Conditions, Step, moves, simulate, write_log
 
 from jaka_bag.compare.comparison import compare_logs
-from jaka_bag.compare.matching.alignment import Alignment, Episode, align, arms_of, event_lag
+from jaka_bag.compare.matching.alignment import Alignment, Episode, align, arms_of, event_lag, motions_by_calls
 from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.verdict import Aspect
 
@@ -103,3 +103,10 @@ def test_a_candidate_that_ends_too_early_does_not_cover_the_golden_log(tmp_path)
     golden, candidate = write_log(tmp_path / "a.mcap", whole), write_log(tmp_path / "b.mcap", short)
     assert any(check.aspect is Aspect.ALIGNMENT and "ends" in check.detail
                for check in compare_logs(golden, candidate).differences)
+
+
+def test_only_a_motion_of_ten_minutes_or_more_is_cut_into_equal_parts():
+    assert motions_by_calls([(1.0, 600.9), (700.0, 1300.0), (2000.0, 4000.0)], []) == [
+        (1.0, 600.9), (700.0, 1000.0), (1000.0, 1300.0), (2000.0, 2500.0), (2500.0, 3000.0), (3000.0, 3500.0),
+        (3500.0, 4000.0)]
+    assert motions_by_calls([], []) == []

@@ -145,15 +145,16 @@ def motions_by_calls(motions: Sequence[TimeWindow], calls: Sequence[Call]) -> Li
     """Split a golden arm's motions, (start, end) in s, where a further call begins one, and long ones."""
     starts = np.array([call.start for call in calls if call.short_name not in _STREAM_SERVICES])
     result: List[TimeWindow] = []
-    for start_time, end_time in motions:
+    inside = np.searchsorted(starts, np.array(motions).reshape(-1, 2) + (_SPLIT_S, -_SPLIT_S), "right").tolist()
+    for (start_time, end_time), (first, last) in zip(motions, inside):
         cuts = [start_time]
-        first, last = np.searchsorted(starts, (start_time + _SPLIT_S, end_time - _SPLIT_S), "right")
         for cut in starts[first:last].tolist():
             if cut - cuts[-1] >= _SPLIT_S:
                 cuts.append(cut)
         for begin, end in zip(cuts, cuts[1:] + [end_time]):
-            edges = np.linspace(begin, end, int((end - begin) // _LONGEST_S) + 2).tolist()
-            result += list(zip(edges, edges[1:]))
+            edges = [begin, end] if end - begin < _LONGEST_S else np.linspace(
+                begin, end, int((end - begin) // _LONGEST_S) + 2).tolist()
+            result += zip(edges, edges[1:])
     return result
 
 
@@ -298,7 +299,7 @@ class Aligner:
         for name in self._edges:
             arm = arms[name]
             call_times, call_lags = _call_lags(arm.calls, calls_of(candidate, name, golden.arms), coarse)
-            self._around[name] = np.array([_lag_near(span, call_times, call_lags, lag) for span in arm.spans])
+            self._around[name] = _lags_near(arm.spans, call_times, call_lags, lag)
             self._waiting[name] = list(_batches(arm.spans))[::-1]
         self.alignment = Alignment(lag, method + ", then all joints", dict.fromkeys(arms, ()))
 
@@ -341,12 +342,12 @@ def _batches(spans: Spans) -> Iterator[slice]:
             first = number
 
 
-def _lag_near(span: Tuple[float, float], call_times: Array, call_lags: Array, lag: float) -> float:
-    """Return the lag of the last call before a motion began, where it is about this motion; else the common lag."""
-    before = int(np.searchsorted(call_times, span[0] + 0.02)) - 1
-    if before >= 0 and span[0] - call_times[before] < 1.0:
-        return float(call_lags[before])
-    return lag
+def _lags_near(spans: Spans, call_times: Array, call_lags: Array, lag: float) -> Array:
+    """Return the lags of the last calls before motions began, where they are about these; else the common lag."""
+    starts = np.array([start for start, _ in spans])
+    before = np.searchsorted(call_times, starts + 0.02)
+    times, lags = np.append(-np.inf, call_times), np.append(lag, call_lags)
+    return np.where(starts - times[before] < 1.0, lags[before], lag)
 
 
 def _episodes(arm: str, spans: Spans, motions: Motions, around: Array,

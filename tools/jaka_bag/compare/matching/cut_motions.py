@@ -57,11 +57,12 @@ def cut_motions(run: Run, name: str, arm: Arm) -> List[Cut]:
     call_starts = np.array([call.start for call in motion_calls])
     at: List[float] = []
     is_absolute: List[bool] = []
-    for start, end in spans:
-        before = int(np.searchsorted(call_starts, start + 0.05)) - 1
+    starts = np.array([start for start, _ in spans])
+    calls_before = (np.searchsorted(call_starts, starts + 0.05) - 1).tolist()
+    next_stops = np.append(stops, np.inf)[np.searchsorted(stops, starts, "right")].tolist()
+    for (start, end), before, stop in zip(spans, calls_before, next_stops):
         by_jog = before >= 0 and motion_calls[before].short_name in _JOG_SERVICES
-        inside = stops[(stops > start) & (stops < end + 0.05)]
-        at.append(float(inside[0]) if len(inside) else max(start, end - _JOG_TAIL_S) if by_jog else np.inf)
+        at.append(stop if stop < end + 0.05 else max(start, end - _JOG_TAIL_S) if by_jog else np.inf)
         is_absolute.append(not calls or (before >= 0 and not by_jog))
     cuts: List[Cut] = []
     until = np.inf  # end of the next motion to an absolute target that is not cut itself
