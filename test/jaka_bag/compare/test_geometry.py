@@ -36,6 +36,10 @@ def test_signs_follow_each_other_over_half_a_turn():
     vectors = np.stack([np.zeros(500), np.zeros(500), (angle + math.pi) % (2 * math.pi) - math.pi], axis=1)
     smooth = continuous(quaternions(vectors))
     assert lengths(np.diff(smooth, axis=0)).max() < 0.02
+    for cut in (0, 1, 175, 499):  # in two pieces: the second goes on with the signs of the first
+        first = continuous(quaternions(vectors[:cut]))
+        second = continuous(quaternions(vectors[cut:]), first[-1] if cut else None)
+        assert np.array_equal(np.concatenate([first, second]), smooth)
 
 
 def test_rotation_vectors_of_quaternions_are_those_that_made_them():

@@ -7,7 +7,7 @@ import pytest
 from log_samples import BREAK, START_NS, Sample, connection, text, write
 
 from jaka_bag.containers.registry import open_log
-from jaka_bag.messages.batch import are_rows_equal, columns_at, largest
+from jaka_bag.messages.batch import are_rows_equal, columns_at, largest, row_products
 from jaka_bag.messages.selection import Selection
 from jaka_bag.operations.columns import read_columns
 from jaka_bag.operations.export import export
@@ -130,3 +130,10 @@ def test_rows_of_equal_bytes_are_told_from_others():
 def test_the_largest_of_each_row_is_that_of_numpy():
     values = np.array([[1.0, 3.0, -2.0], [np.nan, 1.0, 2.0], [-1.0, -5.0, -np.inf], [2.0, 0.0, np.inf]])
     assert np.array_equal(largest(values), values.max(axis=1), equal_nan=True)
+
+
+@pytest.mark.parametrize("shape", [(5, 1), (0, 3), (400, 6), (20, 30, 6)])
+def test_products_of_rows_are_those_of_numpy(shape):
+    some, others = np.random.RandomState(1).normal(size=(2, *shape))
+    assert np.array_equal(row_products(some, others), (some * others).sum(axis=-1))
+    assert np.array_equal(row_products(some, others[:1]), (some * others[:1]).sum(axis=-1))

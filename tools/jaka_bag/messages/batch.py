@@ -83,12 +83,27 @@ def distinct(values: Array) -> Array:
     return np.unique(values)
 
 
+def end_to_end(arrays: Sequence[Array]) -> Array:
+    """Return one array of at least one; a single one itself."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+
 def largest(rows_of_few: Array) -> Array:
     """Return the largest value of each row, shape (n, columns) to (n,), NaN where it holds one.
 
     Column by column, which for few columns is several times as fast as row by row.
     """
     result: Array = functools.reduce(np.maximum, rows_of_few.T)
+    return result
+
+
+def row_products(some: Array, others: Array) -> Array:
+    """Return the scalar products of rows, shape (..., columns) to (...), of at least one column.
+
+    Column by column; see ``largest``.
+    """
+    columns = zip(np.moveaxis(some, -1, 0), np.moveaxis(others, -1, 0))
+    result: Array = functools.reduce(np.add, (one * other for one, other in columns))
     return result
 
 

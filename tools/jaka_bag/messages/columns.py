@@ -4,7 +4,7 @@ from typing import Container, Dict, List, NamedTuple, Optional, Sequence
 import numpy as np
 
 from ..units import NS_PER_S
-from .batch import Array, MessageBatch, are_rows_equal, columns_at
+from .batch import Array, MessageBatch, are_rows_equal, columns_at, end_to_end
 from .connection import Connection
 from .layout import Group, Layout, Leaf
 
@@ -171,7 +171,7 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
         return ragged
     if _is_wasteful(values):
         values = [_as_objects(some) for some in values]
-    joined, places = _joined(values), _joined(where)
+    joined, places = end_to_end(values), end_to_end(where)
     if (places[1:] < places[:-1]).any():
         ordered = np.empty_like(joined)
         ordered[places] = joined
@@ -207,20 +207,17 @@ def part_of(pieces: Sequence[Grouped], fields: Optional[Container[str]] = None) 
         base += len(piece.log_time)
     taken = []
     for key, layout in layouts.items():
-        taken.append(_Taken(_joined(where[key]), {name: leaf_values(rows[key], leaf)
+        taken.append(_Taken(end_to_end(where[key]), {name: leaf_values(rows[key], leaf)
                                                   for name, leaf in layout.leaves.items()
                                                   if fields is None or name in fields}))
-    return Part(_joined([piece.log_time for piece in pieces]), _joined([piece.publish_time for piece in pieces]), taken)
-
-
-def _joined(arrays: Sequence[Array]) -> Array:
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+    return Part(end_to_end([piece.log_time for piece in pieces]),
+                end_to_end([piece.publish_time for piece in pieces]), taken)
 
 
 def columns_of(connection: Connection, parts: List[Part]) -> Columns:
     """Join one topic's columns from its parts, which are given in the order of the file."""
-    log_time = _joined([part.log_time for part in parts])
-    publish_time = _joined([part.publish_time for part in parts])
+    log_time = end_to_end([part.log_time for part in parts])
+    publish_time = end_to_end([part.publish_time for part in parts])
     where: Dict[str, List[Array]] = {}
     values: Dict[str, List[Array]] = {}
     base = 0

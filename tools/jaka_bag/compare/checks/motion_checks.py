@@ -3,7 +3,7 @@ from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ...messages.batch import Array, largest
+from ...messages.batch import Array, largest, row_products
 from ...operations.thinning import MinMax
 from ...units import m_to_mm, mm_to_m, s_to_ms
 from ..matching.curve_distance import interpolated, lengths
@@ -42,11 +42,7 @@ def _least(envelope: Envelope, limit: float, factor: float = 1.0) -> float:
 
 def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
     """Convert orientations to quaternions that interpolate; with the positions: shape (n, 6) to (n, 7)."""
-    orientation = quaternions(value[:, 3:])
-    if before is not None:
-        orientation = continuous(np.concatenate([before[3:][None], orientation]))[1:]
-    else:
-        orientation = continuous(orientation)
+    orientation = continuous(quaternions(value[:, 3:]), None if before is None else before[3:])
     return np.hstack([value[:, :3], orientation])
 
 
@@ -152,8 +148,8 @@ class _Staleness:
         few, speed = few[moving], speed.take(moving, axis=0)
         off = samples.value.take(few, axis=0) - samples.golden_here.take(few, axis=0)
         motion = self._frame.alignment.motion_numbers(self._arm, samples.time[few])
-        parts = np.stack([-(off * speed).sum(axis=1), (speed * speed).sum(axis=1), np.ones(len(speed)),
-                          (off * off).sum(axis=1)], axis=1)
+        parts = np.stack([-row_products(off, speed), row_products(speed, speed), np.ones(len(speed)),
+                          row_products(off, off)], axis=1)
         if (motion[1:] < motion[:-1]).any():
             order = np.argsort(motion, kind="stable")
             motion, parts = motion[order], parts[order]
@@ -400,10 +396,7 @@ class _NumbersWatch(MotionWatch):
     """Numbers without a limit of their own: each column has one that follows from its golden values."""
 
     def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, limits: NumberLimits, frame: Frame) -> None:
-        super().__init__(Aspect.FIELDS, ours, theirs, frame,
-                         (lambda value, before: continuous(value) if before is None else
-                          continuous(np.concatenate([before[None], value]))[1:]) if limits.is_quaternion
-                         else as_they_are)
+        super().__init__(Aspect.FIELDS, ours, theirs, frame, continuous if limits.is_quaternion else as_they_are)
         self._is_quaternion = limits.is_quaternion
         names = [name] if len(limits.limits) == 1 else [
             "%s[%d]" % (name, column) for column in range(len(limits.limits))]

@@ -21,14 +21,17 @@ def interpolated(time: Array, value: Array, at: Array) -> Array:
     part = (at - begin) / np.maximum(time[right] - begin, 1e-9)
     part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
     first = value.take(left, axis=0)  # which gathers rows several times as fast as an index does
-    result: Array = part * (value.take(right, axis=0) - first)
+    result: Array = value.take(right, axis=0)
+    result -= first
+    result *= part
     result += first
     return result
 
 
 def lengths(vectors: Array) -> Array:
     """Return the Euclidean length of each row."""
-    result: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    one = vectors.shape[1] == 1  # whose length takes a third of the time
+    result: Array = np.abs(vectors[:, 0]) if one else np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return result
 
 
@@ -142,9 +145,10 @@ def box_distances(time: Array, value: Array, at: Array, sought: Array, jitter_s:
 
 def _ranges(value: Array, begin: Array, end: Array) -> Tuple[Array, Array]:
     """Return the least and the largest values of slices, each of at least one row, by column."""
+    value = np.ascontiguousarray(value)
     longest = int((end - begin).max())
     if longest <= _SHORT_SLICE:
-        value, last = np.ascontiguousarray(value), end - 1
+        last = end - 1
         low = high = value.take(begin, axis=0)
         for offset in range(1, longest):
             there = value.take(np.minimum(begin + offset, last), axis=0)

@@ -4,7 +4,7 @@ from typing import List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
-from ...messages.batch import Array
+from ...messages.batch import Array, end_to_end, row_products
 from ..runs.run import LongTrack, TimeWindow
 from .course import Decision
 from .curve_distance import interpolated
@@ -39,35 +39,37 @@ def speeds(time: Array, value: Array, reach: int) -> Array:
 
 
 class Curve:
-    """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out.
+    """Joint positions, and their speeds, as functions of time, interpolated; samples that are no numbers are left out.
 
     Args:
         track: Track with the samples.
         windows: Times between which it will be asked for; elsewhere what it gives has no meaning, but that it is held
             at the ends of the track.
+        with_speeds: ``at`` is going to be called.
     """
 
-    def __init__(self, track: LongTrack, windows: Sequence[TimeWindow]) -> None:
+    def __init__(self, track: LongTrack, windows: Sequence[TimeWindow], with_speeds: bool = True) -> None:
         reach = track.facts.reach
         times: List[Array] = []
         pieces: List[Array] = []
         for begin, end in _joined(windows):
             part = track.around(begin, end, reach + 2)
-            both = np.hstack([part.value, speeds(part.time, part.value, reach)])
+            both = np.hstack([part.value, speeds(part.time, part.value, reach)]) if with_speeds else part.value
             fresh = int(np.searchsorted(part.time, times[-1][-1], "right")) if times and len(times[-1]) else 0
             times.append(part.time[fresh:])
             pieces.append(both[fresh:])
-        self.time, self._both = np.concatenate(times), np.concatenate(pieces)
+        self.time, self._both = end_to_end(times), end_to_end(pieces)
+        self._joints = len(track.names)
 
     def values_at(self, times: Array) -> Array:
         """Return values alone; see ``at``."""
-        joints = self._both.shape[1] // 2
+        joints = self._joints
         values = interpolated(self.time, self._both[:, :joints], times.ravel())
         return values.reshape((*times.shape, joints))
 
     def at(self, times: Array) -> Tuple[Array, Array]:
         """Return values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
-        joints = self._both.shape[1] // 2
+        joints = self._joints
         both = interpolated(self.time, self._both, times.ravel()).reshape(times.shape + (2 * joints,))
         return both[..., :joints], both[..., joints:]
 
@@ -131,7 +133,7 @@ def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[TimeWindow]
     # pace and lag change step by step, and no farther than this
     middle, reach = edges.mean(axis=1) + around, (edges[:, 1] - edges[:, 0]) + _FARTHEST_S + reach_s
     there = list(zip((middle - reach).tolist(), (middle + reach).tolist()))
-    return Motions(times, Curve(golden, spans).values_at(times), Curve(candidate, there))
+    return Motions(times, Curve(golden, spans, False).values_at(times), Curve(candidate, there))
 
 
 def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array, Array, Array, Array]:
@@ -142,12 +144,12 @@ def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, A
     offset = motions.times - motions.centre[:, None]
     seen, slope = motions.candidate.at((motions.centre + lag)[:, None] + pace[:, None] * offset)
     residual = motions.values - seen
-    size = np.sqrt((residual * residual).sum(axis=2))
+    size = np.sqrt(row_products(residual, residual))
     # Huber: what is far beyond the median counts less
     knee = np.maximum(_KNEE_RAD, 3.0 * np.median(size, axis=1))
     weight = np.minimum(1.0, knee[:, None] / np.maximum(size, 1e-12))
-    power = (slope * slope).sum(axis=2) * weight
-    push = (slope * residual).sum(axis=2) * weight
+    power = row_products(slope, slope) * weight
+    push = row_products(slope, residual) * weight
     return (power.sum(axis=1), (power * offset).sum(axis=1), (power * offset * offset).sum(axis=1), push.sum(axis=1),
             (push * offset).sum(axis=1), (weight * size * size).mean(axis=1) / motions.values.shape[2])
 
@@ -197,7 +199,7 @@ def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
 
 def _costs(motions: Motions, lag: Array) -> Array:
     residual = motions.values - motions.candidate.values_at(motions.times + lag[:, None])
-    cost: Array = np.sqrt((residual * residual).sum(axis=2)).mean(axis=1)
+    cost: Array = np.sqrt(row_products(residual, residual)).mean(axis=1)
     return cost
 
 

@@ -48,31 +48,31 @@ class SpanFinder:
         both = 2 * self._reach
         if len(time) > both:
             span = np.maximum(time[both:] - time[:-both], 1e-6)
-            speed = value[both:] - value[:-both]
-            speed /= span[:, None]
-            moving = largest(np.abs(speed, out=speed)) > MOVING_RAD_S
-            self._judge(time[self._reach:-self._reach], value[self._reach:-self._reach], moving)
+            joints = np.ascontiguousarray(value.T)  # extremes of rows take a tenth of the time
+            way = joints[:, both:] - joints[:, :-both]
+            moving = np.abs(way, out=way).max(axis=0) / span > MOVING_RAD_S
+            self._judge(time[self._reach:-self._reach], joints[:, self._reach:-self._reach], moving)
         self._time, self._value = time[-both:].copy(), value[-both:].copy()
 
-    def _judge(self, time: Array, value: Array, moving: Array) -> None:
+    def _judge(self, time: Array, joints: Array, moving: Array) -> None:
         edges = np.flatnonzero(np.diff(moving, prepend=False, append=False)).tolist()
         done = 0
         for begin, end in zip(edges[::2], edges[1::2]):
             goes_on = begin == 0 and self._is_moving
             if self._start is not None and (goes_on or time[begin] - self._end < _MERGE_S):
-                part = value[done:end]
-                self._low = np.minimum(np.minimum(self._low, self._gap_low), part.min(axis=0))
-                self._high = np.maximum(np.maximum(self._high, self._gap_high), part.max(axis=0))
+                part = joints[:, done:end]
+                self._low = np.minimum(np.minimum(self._low, self._gap_low), part.min(axis=1))
+                self._high = np.maximum(np.maximum(self._high, self._gap_high), part.max(axis=1))
             else:
                 self._close()
                 self._start = float(time[begin])
-                self._low, self._high = value[begin:end].min(axis=0), value[begin:end].max(axis=0)
+                self._low, self._high = joints[:, begin:end].min(axis=1), joints[:, begin:end].max(axis=1)
             self._end = float(time[end - 1])
             self._gap_low, self._gap_high = self._low, self._high
             done = end
-        if self._start is not None and done < len(value):  # part of the motion, if it soon goes on
-            self._gap_low = np.minimum(self._gap_low, value[done:].min(axis=0))
-            self._gap_high = np.maximum(self._gap_high, value[done:].max(axis=0))
+        if self._start is not None and done < len(moving):  # part of the motion, if it soon goes on
+            self._gap_low = np.minimum(self._gap_low, joints[:, done:].min(axis=1))
+            self._gap_high = np.maximum(self._gap_high, joints[:, done:].max(axis=1))
         self._is_moving = bool(moving[-1])
 
     def _close(self) -> None:
@@ -144,7 +144,7 @@ class StateChanges:
         if not len(time):
             return
         before = value[:1] - 1 if self._last is None else self._last[1]
-        changed = (np.concatenate([before, value[:-1]]) != value).any(axis=1)
+        changed = largest(np.concatenate([before, value[:-1]]) != value)
         self._times.append(time[changed])
         self._values.append(value[changed])
         self._last = (time[-1:].copy(), value[-1:].copy())
