@@ -2,29 +2,28 @@
 
 It is an abstract Unix socket, named after the controller's address, whichever of its host names is used. Such a name
 belongs to the network namespace, as the controller's address does: no folder, user or container setting of the file
-system leads around it. The kernel frees it when the process ends, however that happens.
+system leads around it. The kernel frees it when the process ends, however that happens, and lists the names in use:
+the holder is told by a second one, so that nobody has to answer for a lock, and a frozen driver is named, too.
 """
 import contextlib
 import errno
 import hashlib
 import ipaddress
+import os
 import socket
-import struct
-import threading
-import time
+from pathlib import Path
 from typing import List, Set
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol.ports import endpoint
 
-_ANSWER_TIMEOUT_S = 1.0
-"""Longest wait, s, for the name of the driver that holds the lock; without it the refusal has no name."""
-_RETRY_S = 0.1
-"""Pause, s, where no descriptor is left to answer with: without it the loop would take the processor."""
+_LIST = Path("/proc/net/unix")
+"""The names that are in use in this network namespace, each at the end of a line, with "@" for its first zero byte."""
 _LONGEST_NAME = 80
-"""Longest address, bytes, within a socket's name, which has 107."""
+"""Longest address, bytes, within a lock's name."""
+_MOST_BYTES = 107
+"""Longest name of a socket, bytes."""
 _UNNAMED = "another driver"
-_CREDENTIALS = struct.Struct("3i")
 
 
 class AlreadyDriven(JakaError):
@@ -47,35 +46,29 @@ class DriverLock:
             OSError: No socket can be created.
         """
         self._sockets: List[socket.socket] = []
-        self._threads: List[threading.Thread] = []
         for address in sorted(_addresses(host)):
             name = _socket_name(address, port)
-            taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            taken.settimeout(None)  # rospy gives new sockets a time limit, under which shutdown() wakes no accept()
-            self._sockets.append(taken)
             try:
-                taken.bind(name)
+                self._take(name)
             except OSError as error:
                 self.release()
                 if error.errno != errno.EADDRINUSE:
                     raise
                 raise AlreadyDriven("the controller %s is already driven by %s; one controller, one driver"
                                     % (endpoint(host, port), _holder_of(name) or _UNNAMED)) from None
-            taken.listen(8)
-            thread = threading.Thread(target=_answer, args=(taken, holder.encode("utf-8", "replace")),
-                                      name="driver lock", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+            told = b"%s (pid %d)" % (holder.encode("utf-8", "replace"), os.getpid())
+            with contextlib.suppress(OSError):  # the lock holds without it
+                self._take(_prefix(name) + told[-(_MOST_BYTES - len(_prefix(name))):])
 
     def release(self) -> None:
         """Free the names before returning."""
         for taken in self._sockets:
-            with contextlib.suppress(OSError):  # not listening yet
-                taken.shutdown(socket.SHUT_RDWR)
-        for thread in self._threads:  # one that is still in accept() would keep its name taken
-            thread.join()
-        for taken in self._sockets:
             taken.close()
+
+    def _take(self, name: bytes) -> None:
+        taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._sockets.append(taken)
+        taken.bind(name)
 
 
 def holder_of(host: str, port: int) -> str:
@@ -90,37 +83,21 @@ def _socket_name(address: str, port: int) -> bytes:
     return b"\0jaka_ros_driver/%s:%d" % (text, port)
 
 
-def _answer(listening: socket.socket, holder: bytes) -> None:
-    """Send the holder's name to everyone who connects, until the lock is released."""
-    while True:
-        try:
-            connection, _ = listening.accept()
-        except OSError as error:
-            if error.errno in (errno.EINVAL, errno.EBADF):
-                return
-            time.sleep(_RETRY_S)  # no descriptor is left; the lock holds all the same
-            continue
-        with connection, contextlib.suppress(OSError):
-            connection.setblocking(False)
-            connection.sendall(holder)
+def _prefix(name: bytes) -> bytes:
+    """Return how the name of the socket begins that tells the holder of a lock."""
+    return b"\0" + hashlib.sha256(name).hexdigest()[:24].encode() + b" "
 
 
 def _holder_of(name: bytes) -> str:
     """Return name and process id of the driver that holds a lock, as far as they are available; "" for nobody."""
-    with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as asking:
-        asking.settimeout(_ANSWER_TIMEOUT_S)
-        try:
-            asking.connect(name)
-            pid = _CREDENTIALS.unpack(asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[0]
-        except ConnectionRefusedError:
-            return ""
-        except OSError:
-            return _UNNAMED
-        try:
-            holder = asking.recv(256).decode("utf-8", "replace").strip()
-        except OSError:  # it is frozen
-            holder = ""
-    return "%s (pid %d)" % (holder or "another driver, which does not answer", pid)
+    try:
+        listed = [line.partition(b" @")[2] for line in _LIST.read_bytes().splitlines()]
+    except OSError:
+        return _UNNAMED
+    if name[1:] not in listed:
+        return ""
+    prefix = _prefix(name)[1:]
+    return next((each[len(prefix):].decode("utf-8", "replace") for each in listed if each.startswith(prefix)), _UNNAMED)
 
 
 def _addresses(host: str) -> Set[str]:

@@ -13,7 +13,8 @@ import pytest
 from import_graph import ROOT
 
 from jaka_ros_driver.protocol.ports import endpoint
-from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
+from jaka_ros_driver.ros import driver_lock
+from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock, holder_of
 
 PORT = 20000 + os.getpid() % 40000
 """A port of no controller: another run of these tests on this computer has another one."""
@@ -55,20 +56,6 @@ def test_the_second_is_told_who_has_it_and_gets_it_after_the_first():
     DriverLock("10.5.5.100", PORT, "node /right/jaka_driver").release()
 
 
-def test_it_is_released_where_new_sockets_have_a_time_limit():
-    # rospy sets one for its process when it connects to a publisher (rospy/impl/masterslave.py).
-    before = socket.getdefaulttimeout()
-    socket.setdefaulttimeout(60.0)
-    try:
-        first = DriverLock("10.5.5.100", PORT, "node")
-        releasing = threading.Thread(target=first.release, daemon=True)
-        releasing.start()
-        releasing.join(5.0)
-    finally:
-        socket.setdefaulttimeout(before)
-    assert not releasing.is_alive()
-
-
 def test_other_controllers_are_free():
     locks = [DriverLock(host, port, "node") for host, port in (
         ("10.5.5.100", PORT), ("10.5.5.101", PORT), ("10.5.5.100", PORT + 1), ("../etc/arm", 1),
@@ -103,8 +90,38 @@ def test_a_frozen_driver_holds_it_too():
         assert said == "held"
         holder.send_signal(signal.SIGSTOP)
         os.waitpid(holder.pid, os.WUNTRACED)
-        with pytest.raises(AlreadyDriven, match=r"another driver, which does not answer \(pid %d\)" % holder.pid):
+        with pytest.raises(AlreadyDriven, match=r"already driven by node /other \(pid %d\)" % holder.pid):
             DriverLock("10.5.5.100", PORT, "node /mine")
+
+
+def test_nobody_has_a_controller_that_is_free_and_who_has_it_is_told_without_a_thread():
+    before = threading.active_count()
+    assert holder_of("10.5.5.100", PORT) == ""
+    lock = DriverLock("10.5.5.100", PORT, "node /mine")
+    assert holder_of("10.5.5.100", PORT) == "node /mine (pid %d)" % os.getpid()
+    assert holder_of("10.5.5.101", PORT) == holder_of("10.5.5.100", PORT + 1) == ""
+    assert threading.active_count() == before
+    lock.release()
+    assert holder_of("10.5.5.100", PORT) == ""
+
+
+@pytest.mark.parametrize("holder", ["node /" + "far/" * 60 + "away", "node /\u8b66"], ids=["long", "foreign"])
+def test_the_holders_name_may_be_anything(holder):
+    lock = DriverLock("fd00:1111:2222:3333:4444:5555:6666:7777", PORT, holder)
+    with pytest.raises(AlreadyDriven, match="%s \\(pid %d\\)" % (holder[-2:], os.getpid())):
+        DriverLock("fd00:1111:2222:3333:4444:5555:6666:7777", PORT, "node /mine")
+    lock.release()
+
+
+def test_a_lock_whose_holder_is_not_told_holds_all_the_same(monkeypatch, tmp_path):
+    lock = DriverLock("10.5.5.100", PORT, "node /first")
+    lock._sockets.pop().close()
+    for there in (driver_lock._LIST, tmp_path / "nothing"):
+        monkeypatch.setattr(driver_lock, "_LIST", there)
+        assert holder_of("10.5.5.100", PORT) == "another driver"
+        with pytest.raises(AlreadyDriven, match="driven by another driver;"):
+            DriverLock("10.5.5.100", PORT, "node /second")
+    lock.release()
 
 
 def test_a_host_with_two_addresses_is_locked_under_both(monkeypatch):
