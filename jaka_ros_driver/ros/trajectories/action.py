@@ -2,10 +2,10 @@
 import logging
 import threading
 import time
+from collections import deque
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StillRunning
-from queue import SimpleQueue
-from typing import Any, Callable, Dict, Optional
+from typing import Any, Callable, Deque, Dict, Optional
 
 from actionlib.server_goal_handle import ServerGoalHandle
 
@@ -39,23 +39,37 @@ _STOP_WAIT_S = 2.0
 
 
 class TurnQueue:
-    """A thread in which goals begin in the order in which they came: the last one is the one that moves the arm."""
+    """The order in which goals begin, that in which they came: the last one is the one that moves the arm.
+
+    They begin in a thread that lasts as long as there are some.
+    """
 
     def __init__(self) -> None:
-        self._work: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        threading.Thread(target=self._run, name="trajectory goals", daemon=True).start()
+        self._lock = threading.Lock()
+        self._work: Deque[Callable[[], None]] = deque()
+        """Goals that begin or wait to: the first one is being begun."""
 
     def put(self, work: Callable[[], None]) -> None:
         """Run ``work`` when all that was put before has been done."""
-        self._work.put(work)
+        with self._lock:
+            self._work.append(work)
+            if len(self._work) > 1:
+                return
+        try:
+            threading.Thread(target=self._run, name="trajectory goals", daemon=True).start()
+        except RuntimeError:  # no more threads: the sender of this one waits
+            self._run()
 
     def _run(self) -> None:
         while True:
-            work = self._work.get()
             try:
-                work()
+                self._work[0]()
             except Exception:  # a defect in one goal must not keep later ones from being taken
                 _LOG.exception("a trajectory could not be begun")
+            with self._lock:
+                del self._work[0]
+                if not self._work:
+                    return
 
 
 class _Goal:

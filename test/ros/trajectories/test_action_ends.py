@@ -115,6 +115,42 @@ def server(arm):
                                    Recorder(None), StampClock())
 
 
+def turn_threads():
+    return [thread for thread in threading.enumerate() if thread.name == "trajectory goals"]
+
+
+def test_goals_begin_one_after_the_other_in_their_order_and_their_thread_ends(monkeypatch):
+    turns, begun, inside = action.TurnQueue(), [], []
+
+    def begin(number):
+        inside.append(number)
+        assert inside == [number], "two at a time"
+        time.sleep(0.001)
+        inside.remove(number)
+        begun.append(number)
+        if number == 7:
+            raise ValueError("a defect")
+
+    for number in range(40):
+        turns.put(lambda number=number: begin(number))
+        assert len(turn_threads()) <= 1
+        time.sleep(0.002 * (number % 3))
+    assert eventually(lambda: len(begun) == 40) and begun == list(range(40))
+    assert eventually(lambda: not turn_threads())
+
+
+def test_a_goal_begins_also_where_no_thread_can_be_started(monkeypatch):
+    def start(self):
+        raise RuntimeError("can't start new thread")
+
+    turns, begun = action.TurnQueue(), []
+    with monkeypatch.context() as full:
+        full.setattr(threading.Thread, "start", start)
+        turns.put(lambda: begun.append(1))
+    turns.put(lambda: begun.append(2))
+    assert eventually(lambda: begun == [1, 2])
+
+
 def begun(server, arm, number=1):
     handle = Handle(number)
     server._take(handle)
