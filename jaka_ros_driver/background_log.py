@@ -13,7 +13,7 @@ import queue
 import sys
 from typing import Optional
 
-_QUEUE_LIMIT = 1000
+QUEUE_LIMIT = 1000
 """Most records that wait for the handler; beyond it they are dropped, as no thread of the driver may wait for a log."""
 
 
@@ -26,26 +26,15 @@ class Background(logging.handlers.QueueHandler):
         Args:
             handler: Receives every record of its level or above.
         """
-        self._records: queue.Queue[logging.LogRecord] = queue.Queue(_QUEUE_LIMIT)
+        self._records: queue.Queue[logging.LogRecord] = queue.Queue(QUEUE_LIMIT)
         super().__init__(self._records)
         self.setLevel(handler.level)
         self._listener = _Listener(self._records, handler)
         self._listener.start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
-        """Return a copy of the record with its final text, because its arguments may change before it is written.
-
-        Half a surrogate pair is replaced: it would spoil the buffer of rosout's publisher for all texts after it.
-        """
-        record = copy.copy(record)
-        try:
-            text = record.getMessage()
-        except Exception as error:  # the message does not fit its arguments; that must not become the caller's error
-            text = "%s (%r with %.200r)" % (error, record.msg, record.args)
-        record.msg, record.args = _as_utf8(text), None
-        if record.exc_info:
-            record.exc_text = _as_utf8(logging.Formatter().formatException(record.exc_info))
-        return record
+        """Return a copy of the record with its final text."""
+        return final(record)
 
     def enqueue(self, record: logging.LogRecord) -> None:
         """Put the record in the queue, or drop it where the queue is full."""
@@ -95,6 +84,22 @@ class _Listener(logging.handlers.QueueListener):
                 handler.handle(record)
             except Exception:
                 self.has_lost = True
+
+
+def final(record: logging.LogRecord) -> logging.LogRecord:
+    """Return a copy of the record with its final text, because its arguments may change before it is written.
+
+    Half a surrogate pair is replaced: it would spoil the buffer of rosout's publisher for all texts after it.
+    """
+    record = copy.copy(record)
+    try:
+        text = record.getMessage()
+    except Exception as error:  # the message does not fit its arguments; that must not become the caller's error
+        text = "%s (%r with %.200r)" % (error, record.msg, record.args)
+    record.msg, record.args = _as_utf8(text), None
+    if record.exc_info:
+        record.exc_text = _as_utf8(logging.Formatter().formatException(record.exc_info))
+    return record
 
 
 class StandardErrorLog:

@@ -9,6 +9,7 @@ audit         the lines of the audit log that are made from calls, goals and mes
 topics        state topics, transforms, diagnostics, and the topics that take servo targets
 trajectories  FollowJointTrajectory, and trajectories by topic
 action_server    of actionlib, without a traceback at the node's end
+errands       one thread for what waits for nothing: events, lines for /rosout, status and diagnostics
 jaka_types    the service types of the installed jaka_msgs, and which it lacks
 other_messages   types of control_msgs and industrial_msgs, installed or made at start
 frame_table   the tool and user frames that the controller has stored, its load and collision level

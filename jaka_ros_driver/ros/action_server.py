@@ -1,8 +1,6 @@
 """The action server of actionlib, without a traceback at the node's end; its goals are recorded."""
 import contextlib
-import logging
-import threading
-from typing import Any, Callable, Dict, Iterator, List
+from typing import Any, Callable, Iterator
 
 import rospy
 from actionlib import ActionServer
@@ -10,16 +8,15 @@ from actionlib.server_goal_handle import ServerGoalHandle
 from actionlib_msgs.msg import GoalID, GoalStatus
 
 from jaka_ros_driver.ros.audit.recorder import Recorder
-
-_LOG = logging.getLogger(__name__)
+from jaka_ros_driver.ros.errands import ERRANDS
 
 
 class QuietActionServer(ActionServer):
     """An action server that records goals, cancels and results, and raises nothing once the node's end closed its
     topics.
 
-    A timer publishes the status five times a second; all action servers of a process share it. rospy closes all topics
-    before ``rospy.is_shutdown`` is True, and actionlib checks only that.
+    The status is published five times a second, as an errand. rospy closes all topics before ``rospy.is_shutdown`` is
+    True, and actionlib checks only that.
     """
 
     def __init__(self, name: str, spec: Any, take: Callable[[ServerGoalHandle], None],
@@ -40,11 +37,11 @@ class QuietActionServer(ActionServer):
         super().__init__(rospy.resolve_name(name), spec, take, cancel, auto_start=False)
 
     def initialize(self) -> None:
-        """Set up the topics; the shared timer takes the place of the server's own."""
+        """Set up the topics; the errands take the place of the server's own timer."""
         super().initialize()
         if self.status_timer is not None:
             self.status_timer.shutdown()
-            _publish_status_of(self, self.status_frequency)
+            ERRANDS.every(1.0 / self.status_frequency, lambda: self.publish_status_async(None))
 
     def internal_goal_callback(self, goal: Any) -> None:
         """Take a goal from the topic."""
@@ -81,26 +78,3 @@ def _closed_only_at_the_end() -> Iterator[None]:
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
-
-
-_SERVERS: Dict[float, List[QuietActionServer]] = {}
-"""The servers that were started, by how often they publish their status, Hz: each kind has a timer."""
-_SERVERS_LOCK = threading.Lock()
-
-
-def _publish_status_of(server: QuietActionServer, frequency: float) -> None:
-    """Publish the status of a server so often, Hz, until the node ends."""
-    with _SERVERS_LOCK:
-        if frequency not in _SERVERS:
-            servers = _SERVERS[frequency] = []
-            rospy.Timer(rospy.Duration(1.0 / frequency), lambda event: _publish_all(servers, event))
-        _SERVERS[frequency].append(server)
-
-
-def _publish_all(servers: List[QuietActionServer], event: Any) -> None:
-    for server in list(servers):
-        try:
-            server.publish_status_async(event)
-        except Exception:  # its status ends, as with a timer of its own, and that of no other
-            _LOG.exception("%s: the status is published no more", server.ns)
-            servers.remove(server)

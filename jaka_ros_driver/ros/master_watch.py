@@ -5,7 +5,7 @@ call finds the driver until it is back.
 """
 import logging
 import threading
-from typing import Callable
+from typing import Callable, Sequence
 
 import rosgraph
 import rospy
@@ -20,22 +20,25 @@ _UNANSWERED = 3
 _LAST = "/get_loggers"
 """A service of every rospy node, registered after all others: a master that has it, has all.
 
-That the master knows the node's name says less. It learns the name from a question for a parameter, which rospy asks
-with each line of the log.
+That the master knows the node's name says less. It learns the name from any question for a parameter.
 """
 
 
 class MasterWatch:
     """The poller of the master that registers all publishers, subscribers and services again after its restart."""
 
-    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD_S) -> None:
+    def __init__(self, on_new_master: Callable[[], None], offers: Sequence[Callable[[], None]] = (),
+                 period: float = _PERIOD_S) -> None:
         """Set up the poller; ``start`` begins.
 
         Args:
             on_new_master: Called after the registration, to set parameters again: a new master has lost them, too.
+            offers: Called each time that the master has answered; they offer what can be offered by then, and wait for
+                the master as the watch does.
             period: Of the polling, s.
         """
         self._on_new_master = on_new_master
+        self._offers = offers
         self._period = period
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="master watch", daemon=True)
@@ -63,8 +66,18 @@ class MasterWatch:
                 if unanswered == _UNANSWERED:
                     _LOG.warning("the ROS master does not answer: no new call finds this driver, ~stop_move neither; "
                                  "the emergency stop is what is left (%s: %s)", type(error).__name__, error)
+            if not unanswered:
+                self._offer()
             if self._closing.wait(self._period):
                 return
+
+    def _offer(self) -> None:
+        for offer in self._offers:
+            try:
+                offer()
+            except Exception:  # the master is gone just now, or a defect: neither ends the watch
+                if not self._closing.is_set():
+                    _LOG.exception("a topic or service cannot be offered")
 
 
 def is_registered(master: rosgraph.Master) -> bool:

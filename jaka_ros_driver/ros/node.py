@@ -32,6 +32,7 @@ from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.direct_publisher import direct_publisher
 from jaka_ros_driver.ros.driver_lock import DriverLock
+from jaka_ros_driver.ros.errands import ERRANDS
 from jaka_ros_driver.ros.exit_codes import CONFIGURATION, DEFECT, ENDED, exit_code_of
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros, log_without_a_file
@@ -83,6 +84,8 @@ _AUDIT_TIMEOUT_S = 0.5
 """Longest wait, s, at the end for the disk of the audit log."""
 _LOOK_ROUND_S = 0.1
 """Longest pause, s, between two looks of a waiting thread whether the node is to end."""
+_KIND_PERIOD_S = 0.1
+"""Period, s, of looks whether the arm is known to be real or simulated."""
 _END_TIMEOUT_S = 5.0
 """Longest time, s, to the node's end: stopping the arm and answering the calls takes 2 s, the rest is the master's."""
 _NAME = "jaka_driver"
@@ -136,9 +139,10 @@ class DriverNode:
         self._diagnostics = Diagnostics(
             self._arm, config, self._frames, ModelCheck(self._arm, self._frames), self._audit)
         self._metrics = metrics_of(self._arm, config, self._audit, package_version())
-        self._master_watch = MasterWatch(self._set_parameters)
+        self._master_watch = MasterWatch(self._set_parameters, (self._sensors.offer, self._manager.offer_late))
         self._simulated = direct_publisher("~simulated", Bool, 1, latch=True)
         self._is_simulated: Optional[bool] = None
+        self._end_kind: Callable[[], None] = lambda: None
         self._closing = threading.Lock()
         self._is_closed = False
 
@@ -186,6 +190,7 @@ class DriverNode:
             self._arm.start()
             self._frames.start()
             self._diagnostics.start()
+            self._end_kind = ERRANDS.every(_KIND_PERIOD_S, self.publish_kind)
             if self._metrics is not None:
                 self._metrics.start()
             self._master_watch.start()
@@ -208,10 +213,6 @@ class DriverNode:
         self._recorder.event("driver", True, level="WARNING", text=_NOT_FIRST)
         _LOG.warning(_NOT_FIRST)
         return False
-
-    def offer_sensors(self) -> None:
-        """Offer the topics that only some controllers have, once the status feed shows that this one has them."""
-        self._sensors.offer()
 
     def publish_kind(self) -> None:
         """Log, and publish on a latched topic, whether the arm is real or simulated, whenever that becomes known."""
@@ -243,9 +244,9 @@ class DriverNode:
             if self._gripper is not None:
                 self._gripper.finish_goals(_ANSWER_TIMEOUT_S)
             self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
-            self._ends.close()
             self._master_watch.close()
-            self._diagnostics.close()
+            self._end_kind()
+            self._diagnostics.close()  # all motion ends before it are published then
             if self._metrics is not None:
                 self._metrics.close()
             self._frames.close()
@@ -319,7 +320,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     serve_from_the_start()
     refuse_shutdown_of_others()
     log_without_a_file()
-    rospy.init_node(_NAME, disable_signals=True)
+    rospy.init_node(_NAME, disable_signals=True, disable_rosout=True)  # log_to_ros has its own
     drain_log = log_to_ros()
     signals = _Signals()
     life = _Life(drain_log)
@@ -333,7 +334,7 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 class _Life:
-    """The driver's life in a thread of its own.
+    """The driver's life; it begins in a thread of its own, and goes on in those that this has started.
 
     So the main thread, which takes the signals, never waits for the master.
 
@@ -346,17 +347,19 @@ class _Life:
         self._drain_log = drain_log
         self._driver: Optional[DriverNode] = None
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
+        self._is_alive = False
+        self._thread = threading.Thread(target=self._run, name="driver start", daemon=True)
 
     def start(self) -> None:
         """Start the thread."""
+        self._is_alive = True
         self._thread.start()
 
     @property
     def is_running(self) -> bool:
         """False where it is over, or where the node was asked to shut down."""
         driver = self._driver
-        return (self._thread.is_alive() and not rospy.core.is_shutdown_requested() and not rospy.is_shutdown()
+        return (self._is_alive and not rospy.core.is_shutdown_requested() and not rospy.is_shutdown()
                 and not (driver is not None and driver.has_failed))
 
     def end(self, reason: str) -> bool:
@@ -396,15 +399,14 @@ class _Life:
             wait_for_time(self._ending)
             if not self._ending.is_set():
                 driver.start()
-            while not self._ending.wait(_LOOK_ROUND_S):
-                driver.publish_kind()
-                driver.offer_sensors()
+            return
         except (JakaError, OSError) as error:
             self.exit_code = exit_code_of(error)
             rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
         except Exception:
             self.exit_code = DEFECT
             _LOG.exception("a defect of the node")
+        self._is_alive = False
 
 
 class _Signals:

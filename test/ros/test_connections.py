@@ -51,7 +51,7 @@ def hold_all_descriptors(request):
     return TriggerResponse(True, str(len(held)))
 
 serve_from_the_start()
-rospy.init_node("doorkeeper", disable_signals=True)
+rospy.init_node("doorkeeper", disable_signals=True, disable_rosout=True)
 tcpros_base.start_tcpros_server()
 early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it sends nothing, and connects first
 time.sleep(0.2)  # so that rospy's own thread has taken it, of which nothing tells

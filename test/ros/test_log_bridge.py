@@ -1,11 +1,19 @@
 """Log records on their way to the screen and rosout: a failing record never ends the handler of the others."""
+import ast
 import io
 import logging
+import subprocess
+import sys
 import threading
+from types import SimpleNamespace
 
 import pytest
+import rospy
+from rosgraph_msgs.msg import Log
 
-from jaka_ros_driver.background_log import Background
+from jaka_ros_driver.background_log import QUEUE_LIMIT, Background
+from jaka_ros_driver.ros import log_bridge
+from jaka_ros_driver.ros.errands import ERRANDS
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 
 WAIT = 10.0
@@ -106,6 +114,7 @@ def bridge(monkeypatch):
     package = logging.getLogger("jaka_ros_driver")
     level, propagate, handlers = package.level, package.propagate, list(package.handlers)
     monkeypatch.setattr(logging, "lastResort", None)
+    monkeypatch.setattr(log_bridge, "RosoutHandler", Kept)
 
     def begin(*of_rospy, file=None):
         """Begin; ``file``: the handler of rospy's log file, which is the root logger's."""
@@ -131,7 +140,7 @@ def test_a_record_is_on_the_screen_and_in_the_log_file_once(bridge):
     assert drain(WAIT) and screen.texts == file.texts == ["the link is lost"]
 
 
-@pytest.mark.parametrize("where", ["screen or rosout", "log file"])
+@pytest.mark.parametrize("where", ["screen", "log file"])
 def test_nobody_waits_for_a_handler_and_a_drain_is_complete_when_every_one_has_written(bridge, where):
     class Slow(logging.Handler):
         """A handler that writes only when the test lets it."""
@@ -148,3 +157,131 @@ def test_nobody_waits_for_a_handler_and_a_drain_is_complete_when_every_one_has_w
     assert not drain(0.1)
     slow.may_write.set()
     assert drain(WAIT)
+
+
+# ---- /rosout ----
+
+@pytest.fixture
+def rosout(monkeypatch):
+    """Return a function that makes a logger of /rosout, and what is published there; text "bad" cannot be."""
+    published = []
+
+    def publish(message):
+        if message.msg == "bad":
+            raise ValueError("a defect")
+        published.append(message)
+
+    monkeypatch.setattr(log_bridge, "direct_publisher", lambda *_, **__: SimpleNamespace(publish=publish))
+    monkeypatch.setattr(log_bridge, "get_topic_manager", lambda: SimpleNamespace(get_topics=lambda: {"/a"}))
+    monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time(7)))
+
+    def make(is_without_topics=False):
+        monkeypatch.setattr(rospy, "get_param", lambda name, default: is_without_topics)
+        logger = logging.Logger("test")
+        logger.addHandler(log_bridge.RosoutHandler())
+        return logger, published
+    return make
+
+
+@pytest.mark.parametrize("is_without_topics", [True, False])
+def test_a_line_on_rosout_has_level_moment_and_place_and_the_topics_where_wanted(rosout, is_without_topics):
+    logger, published = rosout(is_without_topics)
+    for level in (logging.DEBUG, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL, 25):
+        logger.log(level, "a %s", "text")
+    assert ERRANDS.drain(WAIT)
+    assert [one.level for one in published] == [Log.DEBUG, Log.INFO, Log.WARN, Log.ERROR, Log.FATAL, Log.INFO]
+    assert {(one.msg, one.header.stamp.secs, one.file, tuple(one.topics)) for one in published} == {
+        ("a text", 7, "test_log_bridge.py", () if is_without_topics else ("/a",))}
+
+
+def test_a_line_that_rosout_cannot_take_is_told_in_the_log_file_alone_and_the_next_one_comes(rosout, monkeypatch):
+    logger, published = rosout()
+    told = Kept()
+    monkeypatch.setattr(logging.getLogger("rospy.rosout"), "handlers", [told])
+    for text in ("bad", "good"):
+        logger.warning(text)
+    assert ERRANDS.drain(WAIT) and [one.msg for one in published] == ["good"]
+    text, = told.texts
+    assert "not on /rosout" in text and "a defect" in text
+
+
+def test_lines_that_come_faster_than_they_are_published_take_bounded_memory(rosout):
+    logger, published = rosout()
+    may_go_on = threading.Event()
+    ERRANDS.soon(lambda: may_go_on.wait(WAIT))
+    for _ in range(3 * QUEUE_LIMIT):
+        logger.warning("a line")
+    assert ERRANDS.waiting <= QUEUE_LIMIT + 1
+    may_go_on.set()
+    assert ERRANDS.drain(WAIT) and QUEUE_LIMIT - 1 <= len(published) <= QUEUE_LIMIT + 1
+
+
+# ---- /rosout, with a listener that reads nothing ----
+
+NODE = """
+import logging, socket, sys, threading, time, genpy, rospy
+from io import BytesIO
+from rosgraph.network import encode_ros_handshake_header
+from rosgraph_msgs.msg import Log
+from rospy.impl import tcpros_base
+from jaka_ros_driver.ros.errands import ERRANDS
+from jaka_ros_driver.ros.log_bridge import log_to_ros
+
+def listener(name, limit=None):
+    sock = socket.socket()
+    if limit is not None:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, limit)
+    sock.connect(tcpros_base.get_tcpros_server_address())
+    sock.sendall(encode_ros_handshake_header({"topic": "/rosout", "callerid": name, "type": Log._type,
+                                              "md5sum": Log._md5sum}))
+    size = int.from_bytes(sock.recv(4, socket.MSG_WAITALL), "little")
+    sock.recv(size, socket.MSG_WAITALL)
+    return sock
+
+def read(sock):
+    message = Log()
+    size = int.from_bytes(sock.recv(4, socket.MSG_WAITALL), "little")
+    return message.deserialize(sock.recv(size, socket.MSG_WAITALL))
+
+sys.stdout = sys.stderr = open("/dev/null", "w")
+rospy.init_node("talks", disable_signals=True, disable_rosout=True)
+drain = log_to_ros()
+log = logging.getLogger("jaka_ros_driver.ros.node")
+log.warning("half \\ud800 of it")
+drain(10.0)
+latched = read(listener("/late"))
+stands, reads = listener("/stands", 4096), listener("/reads")
+read(reads)
+got, reader = [], threading.Thread(target=lambda: [got.append(read(reads)) for _ in range(LINES)], daemon=True)
+reader.start()
+longest = 0.0
+for number in range(LINES):
+    began = time.monotonic()
+    log.error("%d %s", number, 10000 * "x")
+    longest = max(longest, time.monotonic() - began)
+    if number % 20 == 0:
+        ERRANDS.drain(10.0)
+is_drained = ERRANDS.drain(10.0)
+reader.join(20.0)
+late = [read(stands)]
+while not late[-1].msg.startswith("%d " % (LINES - 1)):
+    late.append(read(stands))
+print(dict(latched=[latched.msg, latched.level, latched.name, "/rosout" in latched.topics], longest=longest,
+           drained=is_drained, levels=sorted({one.level for one in got}),
+           reads=[int(one.msg.split(" ")[0]) for one in got], late=[one.msg.split(" ")[0] for one in late[1:]]),
+      file=sys.__stdout__, flush=True)
+rospy.signal_shutdown("the test ends it")
+"""
+
+
+def test_a_listener_of_rosout_that_stands_still_delays_nobody_and_gets_the_newest_lines(ros_node):
+    count = 2000
+    ended = subprocess.run([sys.executable, "-c", NODE.replace("LINES", str(count))], stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stdout
+    told = ast.literal_eval(ended.stdout.strip().splitlines()[-1])
+    assert told["latched"] == ["half ? of it", 4, "/talks", True]
+    assert told["drained"] and told["longest"] < 1.0
+    assert told["levels"] == [8] and told["reads"] == list(range(count)), "the other listener has missed lines"
+    newest = [int(number) for number in told["late"][-100:]]
+    assert newest == list(range(count - 100, count)) and len(told["late"]) < count

@@ -60,6 +60,7 @@ class Master:
         self.services = {rospy.get_name() + "/get_loggers"}
         self.asked = threading.Semaphore(0)
         self.defect = None
+        self.offers, self.refusal = 0, None
 
     def lookupService(self, name):
         self.asked.release()
@@ -70,13 +71,19 @@ class Master:
         return "rosrpc://127.0.0.1:1"
 
 
+    def offer(self):
+        self.offers += 1
+        if self.refusal is not None:
+            raise self.refusal
+
+
 @pytest.fixture
 def watched(monkeypatch):
     """Return the master, and how often this node has registered and set its parameters since."""
     master, registered, told = Master(), [], []
     monkeypatch.setattr(master_watch.rosgraph, "Master", lambda name: master)
     monkeypatch.setattr(master_watch, "register_all", lambda: registered.append(True))
-    watch = master_watch.MasterWatch(lambda: told.append(True), 0.01)
+    watch = master_watch.MasterWatch(lambda: told.append(True), (master.offer,), 0.01)
     watch.start()
     yield master, registered, told
     watch.close()
@@ -117,6 +124,21 @@ def test_a_master_that_is_gone_is_told_once_and_that_it_is_back(watched, caplog)
         master.defect = None
         assert eventually(lambda: len(told()) == 2) and "answers again" in told()[1]
         assert len(told()) == 2 and not registered
+
+
+def test_offers_are_made_while_the_master_answers_and_one_that_fails_ends_no_watch(watched, caplog):
+    master, registered, told = watched
+    assert eventually(lambda: master.offers >= 3)
+    master.defect = ConnectionRefusedError("gone")
+    looked(master, 2)
+    count = master.offers
+    looked(master)
+    assert master.offers == count, "an offer would wait for the master"
+    master.defect, master.refusal = None, OSError("gone just now")
+    assert eventually(lambda: master.offers >= count + 3)
+    assert "cannot be offered" in caplog.text and "gone just now" in caplog.text
+    master.services = set()
+    assert eventually(lambda: told), "the watch has ended"
 
 
 def test_a_master_that_knows_the_node_is_left_alone_and_a_new_one_gets_everything(watched):

@@ -13,11 +13,11 @@ from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.trajectories.controller_params import controller_params
 
-PARTS = ("ArmClient", "CallPublisher", "ControllerManager", "Diagnostics", "DriverLock", "FrameReader", "Guard",
-         "IoPublisher", "JogSubscribers", "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction",
-         "RequestDecoder", "RobotStatusPublisher", "SensorPublishers", "ServiceHandlers", "Services", "ServoTopics",
-         "SpeedPublisher", "StatePublishers", "StateQuery", "TrajectoryInterface", "WorkspaceMarkers", "audit_log_of",
-         "direct_publisher", "keep_serving", "refuse_topics_used_twice", "rospy")
+PARTS = ("ArmClient", "CallPublisher", "ControllerManager", "Diagnostics", "DriverLock", "ERRANDS", "FrameReader",
+         "Guard", "IoPublisher", "JogSubscribers", "MasterWatch", "ModelCheck", "MotionEnds", "PathAction",
+         "RecoverAction", "RequestDecoder", "RobotStatusPublisher", "SensorPublishers", "ServiceHandlers", "Services",
+         "ServoTopics", "SpeedPublisher", "StatePublishers", "StateQuery", "TrajectoryInterface", "WorkspaceMarkers",
+         "audit_log_of", "direct_publisher", "keep_serving", "refuse_topics_used_twice", "rospy")
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """The condition of arm and links on /diagnostics, once a second."""
 import logging
 import platform
-import threading
 from typing import Callable, Optional, Tuple
 
 import rospkg
@@ -17,6 +16,7 @@ from jaka_ros_driver.client.core.procedures.session import io_index_base
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import endpoint
 from jaka_ros_driver.ros.controller_profile import knowledge
+from jaka_ros_driver.ros.errands import ERRANDS
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
@@ -43,9 +43,7 @@ StateTask = Callable[[DiagnosticStatusWrapper, RobotState], None]
 
 
 class Diagnostics:
-    """The reporter of the diagnostics, once a second in its own thread. A failing check is reported and affects no
-    other.
-    """
+    """The reporter of the diagnostics, once a second. A failing check is reported and affects no other."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader, model_check: ModelCheck,
                  audit: Optional[AuditLog]) -> None:
@@ -59,31 +57,27 @@ class Diagnostics:
         self._damaged = 0
         self._connections = 0
         self._version = package_version()
-        self._closing = threading.Event()
+        self._end: Callable[[], None] = lambda: None
         self._updater = Updater()
         self._guard_replacements = 0
         self._name_hardware(None)
         for name, task in self._tasks():
             self._updater.add(name, _guarded(name, task))
-        self._thread = threading.Thread(target=self._run, name="diagnostics", daemon=True)
 
     def start(self) -> None:
         """Begin to report."""
-        self._thread.start()
+        self._end = ERRANDS.every(PERIOD_S, self._report)
 
     def close(self) -> None:
         """Stop reporting."""
-        self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._end()
 
-    def _run(self) -> None:
-        while not self._closing.wait(PERIOD_S):
-            self._name_hardware(self._arm.is_simulated)
-            try:
-                self._updater.force_update()
-            except Exception:  # a message that cannot be sent must not end the thread
-                _LOG.exception("diagnostics")
+    def _report(self) -> None:
+        self._name_hardware(self._arm.is_simulated)
+        try:
+            self._updater.force_update()
+        except Exception:  # a message that cannot be sent must not end all later ones
+            _LOG.exception("diagnostics")
 
     def _name_hardware(self, is_simulated: Optional[bool]) -> None:
         kind = "" if is_simulated is None else "simulated " if is_simulated else "controller "

@@ -1,15 +1,16 @@
 """The topics ``~motion_state`` and ``~program/state``: the progress and the ends of accepted moves and programs."""
+import functools
 import itertools
 import threading
 from concurrent.futures import Future
-from queue import SimpleQueue
-from typing import Any, Optional, Tuple
+from typing import Optional
 
 import rospy
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.ros.direct_publisher import direct_publisher
+from jaka_ros_driver.ros.errands import ERRANDS
 from jaka_ros_driver.ros.jaka_types import warn_absent
 from jaka_ros_driver.state import ProgramState, RobotState
 
@@ -24,7 +25,8 @@ _JOG = "jog"
 class MotionEnds:
     """The publisher of both topics, latched, with each change, in the order of events.
 
-    Events are recorded by the threads that see them, and published by a thread of its own: the client's must not wait.
+    Events are recorded by the threads that see them, and published as errands: the client's, which holds its lock then,
+    must not wait.
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack either type, as the maker's does; then a warning
     is logged, and its topic is not published.
     """
@@ -32,14 +34,12 @@ class MotionEnds:
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
         self._ids = itertools.count(1)
-        self._waiting: SimpleQueue[Optional[Tuple[Any, Any]]] = SimpleQueue()
         self._shown: Optional[int] = None
         self._foreign = ""
         self._jog_obstacle = ""
         self._program = ""
         self._reason = ""
         self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._publish, name="motion ends", daemon=True)
         self._moves: Optional[rospy.Publisher[messages.MotionState]] = None
         self._programs: Optional[rospy.Publisher[messages.ProgramState]] = None
         if hasattr(messages, "MotionState"):
@@ -53,15 +53,8 @@ class MotionEnds:
 
     def start(self) -> None:
         """Begin to publish."""
-        self._thread.start()
         self._look_for_foreign_motion()
         self._arm.add_listener(self._arrived)
-
-    def close(self) -> None:
-        """Publish what is recorded, and nothing after it: the node's end closes the topics next."""
-        if self._thread.is_alive():
-            self._waiting.put(None)
-            self._thread.join()
 
     def move_accepted(self, end: "Future[None]") -> str:
         """Publish that a move was accepted; return the id under which its end will be published."""
@@ -122,7 +115,7 @@ class MotionEnds:
         if self._moves is not None:
             message = messages.MotionState(id=number, state=getattr(messages.MotionState, state), reason=reason)
             message.header.stamp = rospy.Time.now()
-            self._waiting.put((self._moves, message))
+            ERRANDS.soon(functools.partial(self._moves.publish, message))
 
     def _publish_program(self) -> None:
         if self._programs is None or self._shown is None:
@@ -131,8 +124,4 @@ class MotionEnds:
             shown = self._shown if self._shown in tuple(ProgramState) else messages.ProgramState.UNKNOWN
             message = messages.ProgramState(state=shown, program=self._program, reason=self._reason)
         message.header.stamp = rospy.Time.now()
-        self._waiting.put((self._programs, message))
-
-    def _publish(self) -> None:
-        for publisher, message in iter(self._waiting.get, None):
-            publisher.publish(message)
+        ERRANDS.soon(functools.partial(self._programs.publish, message))

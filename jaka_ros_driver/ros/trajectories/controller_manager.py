@@ -4,7 +4,7 @@ Clients look for them beside a trajectory controller: rqt_joint_trajectory_contr
 MoveIt's moveit_ros_control_interface finds the action by them. Nothing here moves, stops or energises the arm.
 """
 import logging
-import threading
+import time
 from typing import Any, Callable, List, NamedTuple, Optional, Sequence
 
 import rospy
@@ -108,22 +108,26 @@ class ControllerManager:
                 request.start_controllers, request.stop_controllers, request.strictness)),
             _Spec("reload_controller_libraries", "ReloadControllerLibraries", refusal=lambda request: one.reload()))
         self._services: List[ServiceServer] = []
+        self._offer_at: Optional[float] = None
 
     def offer(self) -> None:
         """Offer the services, where they are wanted and nobody else serves one of the names, and set the parameters.
 
-        Where nobody has asked for them they come later: a real manager that starts at the same time must be first.
+        Where nobody has asked for them they come later (``offer_late``): a real manager that starts at the same time
+        must be first.
         """
         if self._mode == "true":
             self._offer()
         elif self._mode == "auto":
-            later = threading.Timer(_AUTO_DELAY_S, self._offer)
-            later.daemon = True
-            later.start()
+            self._offer_at = time.monotonic() + _AUTO_DELAY_S
+
+    def offer_late(self) -> None:
+        """Offer the services where ``offer`` has put it off and the time has come; this waits for the master."""
+        if self._offer_at is not None and time.monotonic() >= self._offer_at:
+            self._offer_at = None
+            self._offer()
 
     def _offer(self) -> None:
-        if rospy.is_shutdown():
-            return
         names = ["%s/%s" % (self._manager, spec.name) for spec in self._specs]
         for name in names:
             server = server_of(name)

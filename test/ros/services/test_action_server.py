@@ -56,7 +56,7 @@ rospy.signal_shutdown("the test ends it")
     assert "told" in ended.stdout, ended.stdout
 
 
-def test_all_action_servers_share_one_timer_and_none_ends_the_status_of_another(ros_node):
+def test_all_action_servers_share_one_thread_and_none_ends_the_status_of_another(ros_node):
     script = NODE.split("server = ")[0] + """
 servers = [QuietActionServer("ends_%d" % number, *words[1:], Recorder(None)) for number in range(3)]
 for server in servers:
@@ -73,7 +73,7 @@ for number, server in enumerate(servers):
 end = time.monotonic() + 60.0
 while told.count(2) < 10 and time.monotonic() < end:
     time.sleep(0.01)
-timers = [thread for thread in threading.enumerate() if isinstance(thread, rospy.Timer)]
+timers = [each for each in threading.enumerate() if isinstance(each, rospy.Timer) or each.name == "errands"]
 print("timers:", len(timers), "told:", told.count(0), told.count(1) >= 9, told.count(2) >= 10)
 rospy.signal_shutdown("the test ends it")
 """

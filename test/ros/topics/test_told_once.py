@@ -1,5 +1,6 @@
 """The messages published of motions, calls, speed and trajectories, on topics that the test plays: no ROS master."""
 import dataclasses
+import threading
 from concurrent.futures import Future
 from types import SimpleNamespace
 
@@ -7,12 +8,13 @@ import pytest
 import rospy
 from std_srvs.srv import Trigger, TriggerResponse
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from waiting import eventually
+from waiting import WAIT, eventually
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.core.velocity_jog.motion import JogReport
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
+from jaka_ros_driver.ros.errands import ERRANDS
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services import call_publisher
 from jaka_ros_driver.ros.services.handlers import ServiceOutcome
@@ -95,9 +97,8 @@ def ends(ros):
     arm = Arm()
     one = motion_ends.MotionEnds(arm)
     one.start()
-    yield SimpleNamespace(ends=one, arm=arm, arrived=arm.arrived, moves=ros.topics["~motion_state"].messages,
-                          programs=ros.topics["~program/state"].messages)
-    one.close()
+    return SimpleNamespace(ends=one, arm=arm, arrived=arm.arrived, moves=ros.topics["~motion_state"].messages,
+                           programs=ros.topics["~program/state"].messages)
 
 
 def test_each_move_has_an_id_and_its_own_end(ends):
@@ -105,18 +106,30 @@ def test_each_move_has_an_id_and_its_own_end(ends):
     assert [ends.ends.move_accepted(end) for end in (first, second)] == ["1", "2"]
     second.set_exception(MotionInterrupted(StopCause.STOPPED))
     first.set_result(None)
-    ends.ends.close()
+    assert ERRANDS.drain(WAIT)
     kinds = messages.MotionState
     assert [(one.id, one.state) for one in ends.moves] == [
         ("1", kinds.ACCEPTED), ("2", kinds.ACCEPTED), ("2", kinds.STOPPED), ("1", kinds.COMPLETED)]
     assert ends.moves[2].reason.startswith("stopped by request") and "reached" in ends.moves[3].reason
 
 
+def test_whoever_sees_a_motion_end_does_not_wait_for_its_message(ends, monkeypatch):
+    may_publish, topic = threading.Event(), ends.ends._moves
+    publish = topic.publish
+    monkeypatch.setattr(topic, "publish", lambda message: may_publish.wait(5.0) and publish(message))
+    end = Future()
+    ends.ends.move_accepted(end)
+    end.set_result(None)
+    assert not ends.moves
+    may_publish.set()
+    assert ERRANDS.drain(WAIT) and len(ends.moves) == 2
+
+
 def test_a_jog_that_stands_is_told_with_its_reason_once_and_that_it_goes_on(ends):
     for obstacle in ("", "wrist singularity: jog joint 5", "wrist singularity: jog joint 5", ""):
         ends.arm.velocity_jog = JogReport("/pad", "", obstacle)
         ends.arrived(state(), True)
-    ends.ends.close()
+    assert ERRANDS.drain(WAIT)
     kinds = messages.MotionState
     assert [(one.id, one.state, one.reason) for one in ends.moves] == [
         ("jog", kinds.STOPPED, "wrist singularity: jog joint 5"), ("jog", kinds.ACCEPTED, "")]
@@ -125,7 +138,7 @@ def test_a_jog_that_stands_is_told_with_its_reason_once_and_that_it_goes_on(ends
 def test_a_program_is_told_when_it_changes_and_only_then(ends):
     for shown, is_new in ((0, True), (0, True), (3, False), (None, True), (3, True), (3, True), (9, True)):
         ends.arrived(state(program_state=shown), is_new)
-    ends.ends.close()
+    assert ERRANDS.drain(WAIT)
     assert [one.state for one in ends.programs] == [ProgramState.IDLE, ProgramState.RUNNING,
                                                     messages.ProgramState.UNKNOWN]
 
@@ -140,7 +153,7 @@ def test_the_end_of_a_program_has_a_reason_which_the_next_one_has_not(ends):
         ends.arrived(state(program_state=3), True)
         end.set_result(None) if error is None else end.set_exception(error)
         ends.arrived(state(program_state=0), True)
-    ends.ends.close()
+    assert ERRANDS.drain(WAIT)
     told = [(one.state, one.program, one.reason.split(" ")[0]) for one in ends.programs]
     assert told == [(0, "before the feed tells anything", ""), (0, "pick", ""), (3, "pick", ""),
                     (3, "pick", "completed"), (0, "pick", "completed"), (3, "pick", ""), (3, "pick", "stopped"),

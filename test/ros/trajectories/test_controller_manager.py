@@ -13,7 +13,6 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 import time
 import types
 from xml.dom import minidom
@@ -34,6 +33,7 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.other_messages import made_service, message_type, old_switch_type
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.start_checks import server_of
+from jaka_ros_driver.ros.trajectories import controller_manager
 from jaka_ros_driver.ros.trajectories.controller_manager import CONTROLLER_TYPE, ControllerManager, OneController
 from jaka_ros_driver.ros.trajectories.query import StateQuery
 
@@ -81,15 +81,19 @@ def test_parameters_that_are_there_are_left_and_told_only_where_they_differ(ther
     assert len(caplog.records) == is_told
 
 
-def test_what_offers_the_services_later_does_not_keep_the_driver_from_ending(monkeypatch):
+@pytest.mark.parametrize("mode, at_once, later", [("true", 1, 1), ("auto", 0, 1), ("false", 0, 0)])
+def test_the_services_come_later_where_nobody_has_asked_for_them_and_once(monkeypatch, mode, at_once, later):
     manager = ControllerManager.__new__(ControllerManager)
-    manager._mode, offered = "auto", threading.Event()
-    monkeypatch.setattr(manager, "_offer", offered.set, raising=False)
-    before = set(threading.enumerate())
+    manager._mode, manager._offer_at, offered, now = mode, None, [], [100.0]
+    monkeypatch.setattr(manager, "_offer", lambda: offered.append(now[0]), raising=False)
+    monkeypatch.setattr(controller_manager, "time", types.SimpleNamespace(monotonic=lambda: now[0]))
     manager.offer()
-    later, = set(threading.enumerate()) - before
-    assert later.daemon and not offered.is_set()
-    later.cancel()
+    for now[0] in (100.0, 109.9):
+        manager.offer_late()
+        assert len(offered) == at_once
+    for now[0] in (110.0, 130.0):
+        manager.offer_late()
+        assert len(offered) == later
 
 
 class Held:
