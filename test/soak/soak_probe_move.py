@@ -167,7 +167,7 @@ def whole(folder, seed):
     arm.close()
     found = facts_in(out)
     seen = [name for name, row in DESCRIBED.items() if row.dimension]
-    mistakes = wrong({name: found[name] for name in seen if name in found}, dialect)
+    mistakes = wrong(found, dialect)
     if found.get("twin_angle", Fact(None, "")).value is not None:
         mistakes += [("twin", why, "stated") for why in missed(way_back(dialect), found, drawn(seed)[0])]
     table = judged(found, mistakes, seen, dialect)
