@@ -13,7 +13,7 @@ import json
 import re
 from collections import deque
 from itertools import accumulate
-from typing import Any, Deque, Dict, List, NamedTuple, NoReturn, Tuple, Union
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, NoReturn, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError
 
@@ -196,8 +196,16 @@ class FrameStream:
         is_flooded: ``MAX_DAMAGE_BYTES`` have come since the last frame; nothing is read any more.
     """
 
-    def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
+    def __init__(self, max_bytes: int = MAX_FRAME_BYTES,
+                 parse: Callable[[bytes], JsonObject] = parse_object) -> None:
+        """Begin a stream.
+
+        Args:
+            max_bytes: Of the longest frame that is accepted.
+            parse: Parses a frame as ``parse_object`` does.
+        """
         self._max_bytes = max_bytes
+        self._parse = parse
         self._buffer = bytearray()
         self._begin = 0  # of the buffer, counted from the begin of the stream
         self._searched = 0
@@ -234,7 +242,7 @@ class FrameStream:
         if head is None or not int(head.group(1)) == len(data) <= self._max_bytes or self.is_flooded:
             return False
         try:
-            items.append(parse_object(data))
+            items.append(self._parse(data))
         except FramingError:
             return False
         self._in_damage, self._damage = False, 0

@@ -14,6 +14,7 @@ from typing import Callable, Deque, List, Optional, Tuple
 from jaka_ros_driver.errors import FramingError, StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
+from jaka_ros_driver.protocol.steady_arrays import SteadyArrays
 from jaka_ros_driver.state import RobotState
 
 MAX_BURST = 5
@@ -89,7 +90,7 @@ class Feed:
         self._keeps_period = False
         self._is_given_up = False
         self.owed = 0.0
-        self._stream = FrameStream()
+        self._stream = FrameStream(parse=SteadyArrays().parse)
         self._arrivals: Deque[float] = deque(maxlen=_RATE_WINDOW)
         self._intervals: Deque[float] = deque(maxlen=_USUAL_WINDOW)
         self._opened_at = 0.0
@@ -108,7 +109,7 @@ class Feed:
     def open(self, now: float) -> None:
         """Begin with a new connection: what it sends soon is new."""
         self._opened_at = now
-        self._stream = FrameStream()
+        self._stream = FrameStream(parse=SteadyArrays().parse)
         self._arrivals.clear()
         self._intervals.clear()
         self._last_piece = None
