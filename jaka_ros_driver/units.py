@@ -29,22 +29,22 @@ def rad_to_deg(value: float) -> float:
 
 def all_mm_to_m(values: Iterable[float]) -> Tuple[float, ...]:
     """Convert each value from mm to m."""
-    return tuple(v / _MM_PER_M for v in values)
+    return tuple([v / _MM_PER_M for v in values])
 
 
 def all_m_to_mm(values: Iterable[float]) -> Tuple[float, ...]:
     """Convert each value from m to mm."""
-    return tuple(v * _MM_PER_M for v in values)
+    return tuple([v * _MM_PER_M for v in values])
 
 
 def all_deg_to_rad(values: Iterable[float]) -> Tuple[float, ...]:
     """Convert each value from deg to rad."""
-    return tuple(v / _DEG_PER_RAD for v in values)
+    return tuple([v / _DEG_PER_RAD for v in values])
 
 
 def all_rad_to_deg(values: Iterable[float]) -> Tuple[float, ...]:
     """Convert each value from rad to deg."""
-    return tuple(v * _DEG_PER_RAD for v in values)
+    return tuple([v * _DEG_PER_RAD for v in values])
 
 
 def ms_to_s(value: float) -> float:

@@ -86,7 +86,6 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
     velocity = _numbers(fields, "instVel", 6, _MAX_JOINT_SPEED_DEG)
     speed = _number(fields, "curr_tcp_trans_vel", _MAX_SPEED_MM)
     cabinet_temperature, joint_temperature, joint_current = _monitored(fields.get("monitor_data"))
-    wrench, sensor_error = _wrench(fields.get("torqsensor"))
     return RobotState(
         joint_position=all_deg_to_rad(joints),
         received_at=received_at,
@@ -100,8 +99,7 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         cabinet_temperature=cabinet_temperature,
         joint_temperature=joint_temperature,
         joint_current=joint_current,
-        wrench=wrench,
-        sensor_error=sensor_error,
+        **_sensor_part.of(fields),
         **_steady_part.of(fields),
         **_io_part.of(fields))
 
@@ -126,7 +124,7 @@ class _KnownPart:
 
     def of(self, fields: Mapping[str, Any]) -> Dict[str, Any]:
         """Return the fields of the state."""
-        values = [fields.get(key) for key in self._keys]
+        values = list(map(fields.get, self._keys))
         known, decoded = self._known
         if values != known:
             decoded = self._decode(fields)
@@ -178,9 +176,8 @@ def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> O
     if not isinstance(values, list) or len(values) < count:
         raise _fail(key, values, "%d numbers" % count)
     values = values[:count]
-    for value in values:
-        if type(value) not in _NUMBERS or not -limit <= value <= limit:
-            raise _fail(key, values, "finite numbers within %g" % limit)
+    if not (_NUMBERS.issuperset(map(type, values)) and all(map(limit.__ge__, map(abs, values)))):
+        raise _fail(key, values, "finite numbers within %g" % limit)
     return values
 
 
@@ -325,5 +322,7 @@ def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
 _steady_part = _KnownPart((
     "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop", "drag_status", "paused", "on_soft_limit",
     "interp_state", "rapidrate", "current_tool_id", "current_user_id", "motion_line", "err_add_line"), _steady)
+_sensor_part = _KnownPart(("torqsensor",), lambda fields: dict(zip(
+    ("wrench", "sensor_error"), _wrench(fields.get("torqsensor")))))
 _io_part = _KnownPart([key for banks in (_DIGITAL_INPUTS, _DIGITAL_OUTPUTS, _ANALOG_INPUTS, _ANALOG_OUTPUTS)
                        for _, key in banks] + ["relay_io"] + [key for _, keys in _FIELD_BUSES for key in keys], _io)

@@ -36,6 +36,8 @@ def direct_publisher(name: str, message_type: Type[_Message], queue_size: int,
     # From here on the connections have their own queues; one that came before keeps the queue that rospy gave it.
     impl.queue_size = None
     impl.add_connection = functools.partial(_add_directly, impl, queue_size)  # type: ignore[method-assign]
+    # Asked for every frame; rospy's own waits for whoever adds or removes a listener. The list is only ever replaced.
+    publisher.get_num_connections = lambda: len(impl.connections or ())  # type: ignore[method-assign]
     with impl.c_lock:  # rospy sets its queue after the topic is known: until then, a listener would be waited for
         impl.connections = [DirectConnection(connection, queue_size) if isinstance(connection, TCPROSTransport)
                             else connection for connection in impl.connections]

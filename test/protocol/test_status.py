@@ -198,11 +198,13 @@ def test_a_frame_captured_from_a_real_controller_is_understood(root):
     assert state.joint_current == (0.0,) * 6 and state.wrench is None and state.io.field_buses == {}
 
 
+PARTS = status._sensor_part, status._steady_part, status._io_part
+
+
 def afresh(fields):
     """Decode a frame as the first one of a process."""
-    before = status._steady_part, status._io_part
     known = dict(status._known_arrays)
-    for part in before:
+    for part in PARTS:
         part._known = [], {}
     status._known_arrays.clear()
     try:
@@ -217,6 +219,7 @@ ANYTHING = {
                     (0, 1, 2, 7.0, True)),
     **dict.fromkeys(("din", "dout", "ain", "aout", "tio_din", "tio_dout", "tio_ain", "relay_io", "mb_slave_din",
                      "mb_slave_aout", "pn_dev_dout", "eip_adpt_ain"), ([], [0, 1], [0, 0], [1.5] * 8)),
+    "torqsensor": ([SETUP, [0, 0, CONTACT, RAW]], [SETUP, [0, 17, CONTACT, RAW]], [SETUP, 7], 5),
     "joint_actual_position": ([0.0] * 6, [1.0] * 6), "errcode": ("0x0", "0x2F0006", 5), "errmsg": ("", "x")}
 
 
@@ -246,12 +249,19 @@ def test_a_list_that_is_changed_in_place_is_decoded_again():
     assert io.digital_inputs[IoBank.CABINET] == (1, 1) and io.relays == (1,)
 
 
+def test_a_sensor_whose_readings_are_those_of_the_frame_before_is_not_decoded_again(monkeypatch):
+    fields = dict(FULL, torqsensor=[SETUP, [0, 0, CONTACT, RAW]])
+    assert parse_status(fields, 0.0).wrench == tuple(CONTACT)
+    monkeypatch.setattr(status, "_wrench", None)
+    assert parse_status(fields, 0.0).wrench == tuple(CONTACT)
+
+
 def test_every_key_of_a_part_is_one_that_it_reads():
     class Noted(dict):
         def get(self, key, default=None):
             read.add(key)
             return super().get(key, default)
-    for part in (status._steady_part, status._io_part):
+    for part in PARTS:
         read = set()
         part._decode(Noted(FULL))
         assert read == set(part._keys) and len(set(part._keys)) == len(part._keys)

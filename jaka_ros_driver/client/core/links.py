@@ -409,14 +409,14 @@ class _HealthWatch:
     """
 
     def __init__(self) -> None:
-        self._before: Optional[Tuple[bool, ...]] = None
+        self._before: Tuple[bool, ...] = (True,) * 3
         self._was_powered = self._was_enabled = False
 
     def trouble(self, state: RobotState) -> str:
         """Return what has become worse with this frame, in words; "" for nothing."""
         now = (state.emergency_stop, state.protective_stop, state.has_fault and not state.has_warning)
         trouble = ""
-        if self._before is not None and any(is_bad and not was_bad for is_bad, was_bad in zip(now, self._before)):
+        if now != self._before and any(is_bad and not was_bad for is_bad, was_bad in zip(now, self._before)):
             trouble = "the arm was stopped or has a fault"
         elif (self._was_powered and not state.is_powered) or (self._was_enabled and not state.is_enabled):
             trouble = "the drives went off"

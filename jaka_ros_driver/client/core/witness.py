@@ -261,10 +261,12 @@ class Witness:
 
     def _frames_since(self, moment: float) -> List[RobotState]:
         """Return the frames from the last one before this moment, s, on."""
-        frames = list(self._frames)
-        while len(frames) > 1 and frames[1].received_at <= moment:
-            del frames[0]
-        return frames
+        frames: List[RobotState] = []
+        for frame in reversed(self._frames):
+            frames.append(frame)
+            if frame.received_at <= moment:
+                break
+        return frames[::-1]
 
     def _was_never_shown(self, answer: _Answer) -> bool:
         """Return whether the feed has stood since a question, elsewhere than where its answer shows the arm.

@@ -50,13 +50,17 @@ class IoPublisher:
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         publisher = self._publisher
         assert publisher is not None
-        if is_new and state.io != NOTHING_REPORTED and self._is_due(state, publisher):
+        if is_new and self._is_due(state, publisher) and state.io != NOTHING_REPORTED:
             self._published, self._published_at = state.io, state.received_at
             publisher.publish(convert.io_states(state.io, self._stamps.of(state)))
 
     def _is_due(self, state: RobotState, publisher: "rospy.Publisher[messages.IOStates]") -> bool:
         age = state.received_at - self._published_at
-        if age >= _PERIOD_S or _digital(state.io) != _digital(self._published):
+        if age >= _PERIOD_S:
+            return True
+        if state.io is self._published:  # as long as no terminal changes, the decoder returns the same again
+            return False
+        if _digital(state.io) != _digital(self._published):
             return True
         return (age >= _ANALOG_PERIOD_S and bool(publisher.get_num_connections())
                 and state.io != self._published)

@@ -177,3 +177,14 @@ def test_a_listener_that_came_before_is_written_to_directly_too_and_one_of_this_
     direct_publisher("~early", String, QUEUE)
     assert isinstance(impl.connections[0], DirectConnection) and impl.connections[1] is inside
     assert impl.queue_size is None, "rospy puts no queue of its own before it"
+
+
+def test_who_asks_for_the_number_of_listeners_waits_for_nobody_who_changes_it(monkeypatch):
+    lock = threading.Lock()
+    impl = types.SimpleNamespace(c_lock=lock, connections=[], queue_size=QUEUE)
+    monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: types.SimpleNamespace(impl=impl))
+    publisher = direct_publisher("~heard", String, QUEUE)
+    with lock:
+        assert publisher.get_num_connections() == 0
+        impl.connections = [object()]
+        assert publisher.get_num_connections() == 1

@@ -79,6 +79,12 @@ def test_without_a_change_it_comes_once_a_second(bench):
     assert bench.feed(QUIET, 1250) in (9, 10)
 
 
+def test_terminals_of_which_none_has_changed_are_not_compared(bench, monkeypatch):
+    bench.feed(QUIET)
+    monkeypatch.setattr(io_states, "_digital", None)
+    assert bench.feed(QUIET, 100) == 0
+
+
 @pytest.mark.parametrize("subscribers, most", [(1, 12), (0, 1)])
 def test_analog_noise_is_told_ten_times_a_second_at_most_and_to_subscribers_only(bench, subscribers, most):
     bench.feed(QUIET)
