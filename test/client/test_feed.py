@@ -5,6 +5,7 @@ import random
 import pytest
 
 from jaka_ros_driver.client.core.feed import Feed
+from jaka_ros_driver.protocol import steady_arrays
 from jaka_ros_driver.protocol.status import encode_frame
 
 DAMAGED = 10000
@@ -69,6 +70,19 @@ def test_damaged_frames_change_nothing_but_a_counter():
     times = [state.received_at for state in seen]
     assert all(a < b for a, b in zip(times, times[1:]))
     assert feed.health(0.0, 1.0).damaged > 0.3 * DAMAGED
+
+
+def test_terminals_that_have_not_changed_are_not_parsed_again_on_any_connection(monkeypatch):
+    parsed, parse, frame = [], steady_arrays.parse_object, encode_frame(dict(FIELDS, din=[0] * 1000, netState=1))
+    monkeypatch.setattr(steady_arrays, "parse_object", lambda text: parsed.append(len(text)) or parse(text))
+    feed = Feed(0.008)
+    for opened_at in (1.0, 5.0):
+        feed.open(opened_at)
+        del parsed[:]
+        for number in range(1, 11):
+            feed.received(frame, opened_at + 0.008 * number)
+            assert feed.state.io.digital_inputs[0] == (0,) * 1000
+        assert len([size for size in parsed if size > 1000]) in (1, 2, 3), parsed
 
 
 def fed(*pieces, period=0.008):

@@ -505,7 +505,7 @@ OF_ROS: Tuple[Mutant, ...] = (
     Mutant("a change of a relay is not noticed", "ros/topics/io_states.py",
            "io.digital_outputs, io.relays,", "io.digital_outputs,", TERMINALS),
     Mutant("old news of terminals is published", "ros/topics/io_states.py",
-           "if is_new and state.io", "if state.io", TERMINALS),
+           "if is_new and self._is_due", "if self._is_due", TERMINALS),
     Mutant("a message is made that nobody subscribes to", "ros/topics/sensors.py",
            "if publisher is None or not publisher.get_num_connections():", "if publisher is None:", SENSORS),
     Mutant("old news of sensors is published", "ros/topics/sensors.py",

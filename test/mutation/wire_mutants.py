@@ -112,7 +112,7 @@ OF_PROTOCOL: Tuple[Mutant, ...] = (
     Mutant("a missing flag is false", "protocol/status.py",
            '        raise StatusFrameError("status frame without %s" % key)\n', "        return False\n", STATUS),
     Mutant("joints far below zero are read", "protocol/status.py",
-           "not -limit <= value <= limit:", "not value <= limit:", STATUS),
+           "map(limit.__ge__, map(abs, values))", "map(limit.__ge__, values)", STATUS),
     Mutant("len does not count its own digits", "protocol/status.py",
            "total = size + len(str(size))", "total = size", STATUS),
 )

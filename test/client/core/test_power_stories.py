@@ -29,6 +29,17 @@ def switches(story):
     return [name for name in story.names() if name in SWITCHES]
 
 
+def test_a_stop_that_stands_when_the_arm_is_first_seen_is_none_that_comes():
+    story = Story(ready=False)
+    story.fields["emergency_stop"] = 1
+    story.connect()
+    story.run(0.1)
+    assert story.core.state.emergency_stop and not story.core.last_disturbance
+    story.fields["protective_stop"] = 1
+    story.run(0.05)
+    assert story.core.last_disturbance == "the arm was stopped or has a fault"
+
+
 @pytest.mark.parametrize("procedure", [lambda core: power.set_power(core, True),
                                        lambda core: power.set_enabled(core, True)])
 @pytest.mark.parametrize("stop", ["emergency_stop", "protective_stop"])
