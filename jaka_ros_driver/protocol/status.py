@@ -176,7 +176,7 @@ def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> O
     if not isinstance(values, list) or len(values) < count:
         raise _fail(key, values, "%d numbers" % count)
     values = values[:count]
-    if not (_NUMBERS.issuperset(map(type, values)) and all(map(limit.__ge__, map(abs, values)))):
+    if not (_NUMBERS.issuperset(map(type, values)) and all(-limit <= value <= limit for value in values)):
         raise _fail(key, values, "finite numbers within %g" % limit)
     return values
 

@@ -112,7 +112,7 @@ OF_PROTOCOL: Tuple[Mutant, ...] = (
     Mutant("a missing flag is false", "protocol/status.py",
            '        raise StatusFrameError("status frame without %s" % key)\n', "        return False\n", STATUS),
     Mutant("joints far below zero are read", "protocol/status.py",
-           "map(limit.__ge__, map(abs, values))", "map(limit.__ge__, values)", STATUS),
+           "all(-limit <= value <= limit for", "all(value <= limit for", STATUS),
     Mutant("len does not count its own digits", "protocol/status.py",
            "total = size + len(str(size))", "total = size", STATUS),
 )
