@@ -153,7 +153,7 @@ def test_a_low_rate_of_the_topics_does_not_slow_down_what_custody_sees():
 
 def test_every_setting_of_the_client_is_a_parameter():
     settings = {field.name for field in dataclasses.fields(ClientSettings)} - {
-        "host", "feed_period", "takes_io_as_counted"}
+        "host", "feed_period", "takes_io_as_counted", "start_delay"}  # the last is the profile's
     assert settings <= {field.name for field in dataclasses.fields(DriverConfig)}
 
 
