@@ -27,7 +27,7 @@ class Driver:
     def __init__(self, is_frozen=False):
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.address, self._is_frozen, self.stops = self._listener.getsockname(), is_frozen, 0
-        self._open = []
+        self._open, self.is_reached = [], threading.Event()
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self):
@@ -41,6 +41,7 @@ class Driver:
             while True:
                 sock, _ = self._listener.accept()
                 self._open.append(sock)
+                self.is_reached.set()
                 if not self._is_frozen:
                     threading.Thread(target=self._serve, args=(sock,), daemon=True).start()
 
@@ -97,6 +98,7 @@ def test_a_stop_that_hangs_is_sent_on_a_second_connection(stop, driver, monkeypa
         began = stopper.Stopper._on_its_own
 
         def then_elsewhere(self, done, until):
+            assert frozen.is_reached.wait(AT_ONCE_S), "the first way has read no address"
             self._address = driver.address
             began(self, done, until)
         monkeypatch.setattr(Stopper, "_on_its_own", then_elsewhere)
