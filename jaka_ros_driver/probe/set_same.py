@@ -285,14 +285,22 @@ def _same(desk: Desk, setter: str, back: SetBack) -> str:
         return "was not sent, %s has no such answer" % row.getter
     with uninterrupted():
         reply = desk.ask(setter, row.patience, **before)
-        after = _value(desk, row)
-        if not _is_equal(after, before):
-            desk.ask(setter, row.patience, **before)
-            after = _value(desk, row)
+        after = _as_before(desk, setter, row, before, 1)
         if not _is_equal(after, before):
             back.note(setter, before, after)
             return "does not read back the same"
     return _why_refused(reply)
+
+
+def _as_before(desk: Desk, setter: str, row: _Same, before: Dict[str, Any], tries: int) -> Optional[Dict[str, Any]]:
+    """Set a value that is not what it was so many times at most; return what it is in the end."""
+    after = _value(desk, row)
+    for _ in range(tries):
+        if _is_equal(after, before):
+            break
+        desk.ask(setter, row.patience, **before)
+        after = _value(desk, row)
+    return after
 
 
 def _value(desk: Desk, row: _Same) -> Optional[Dict[str, Any]]:
@@ -429,18 +437,18 @@ def _zero_again(desk: Desk, back: SetBack, users: _Frames, number: int, before: 
 
 # ---- the feed ----
 
-def _told_period(desk: Desk) -> Optional[float]:
-    """Return the period of the feed that the controller tells, ms; None where it tells none."""
-    reply = desk.read("get_port10000_delay_ms")
-    try:
-        return None if reply is None or not decode(Query.FEED_PERIOD, reply) > 0.0 else reply[_PERIOD]
-    except (JakaError, KeyError, TypeError, ValueError):
-        return None
+def _told_period(reply: JsonObject) -> Dict[str, Any]:
+    if not decode(Query.FEED_PERIOD, reply) > 0.0:
+        raise ValueError("%r is no period" % (reply[_PERIOD],))
+    return {_PERIOD: reply[_PERIOD]}
+
+
+_TOLD = _Same("get_%s" % _PERIOD, _told_period)
 
 
 def _asked_period(desk: Desk, facts: Facts, back: SetBack) -> Fact:
     """Ask for the period for which the driver asks, see at which one frames come, and set it back."""
-    before = _told_period(desk)
+    before = _value(desk, _TOLD)
     if before is None:
         return Fact(None, "the controller does not tell its period, so it could not be set back")
     times: List[float] = []
@@ -451,7 +459,9 @@ def _asked_period(desk: Desk, facts: Facts, back: SetBack) -> Fact:
                 desk.frames(_BEFORE_S)
                 times = desk.frames(_LISTENED_S)
         finally:
-            _set_period_back(desk, back, before)
+            after = _as_before(desk, PERIOD_COMMAND, _TOLD, before, 2)
+            if not _is_equal(after, before):
+                back.note("period of the feed, ms", before[_PERIOD], None if after is None else after[_PERIOD])
     if reply.content is not None and code_of(reply.content) == NOT_KNOWN:
         note_missing(facts, PERIOD_COMMAND)
     why = _why_refused(reply)
@@ -460,17 +470,6 @@ def _asked_period(desk: Desk, facts: Facts, back: SetBack) -> Fact:
     mean = (times[-1] - times[0]) / (len(times) - 1)
     return Fact(ASKED_S if mean <= _SLOWER * ASKED_S else round(mean, 5),
                 "mean of %d frames: %.2f ms, 8 ms were asked for" % (len(times), s_to_ms(mean)))
-
-
-def _set_period_back(desk: Desk, back: SetBack, before: float) -> None:
-    for _ in range(2):
-        after = _told_period(desk)
-        if _is_equal(after, before):
-            return
-        desk.ask(PERIOD_COMMAND, **{_PERIOD: before})
-    after = _told_period(desk)
-    if not _is_equal(after, before):
-        back.note("period of the feed, ms", before, after)
 
 
 # ---- hand guiding, outputs ----

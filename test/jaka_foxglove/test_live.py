@@ -1,5 +1,6 @@
 """The bridge jaka_foxglove on a real master: foreign viewers receive messages, see parameters and the graph."""
 import base64
+import itertools
 import json
 import signal
 import struct
@@ -11,7 +12,7 @@ from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Refused, S
 from live_samples import STRING, TWIST_STAMPED, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
 from ros_graph import Graph, with_subscribers
-from waiting import wait_until
+from waiting import repeating, wait_until
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import accept_all
@@ -175,20 +176,9 @@ def test_changes_of_parameters_are_told_and_services_are_not_shown_unless_allowe
         viewer.send(CALL.pack(2, 1, 1, 4) + b"ros1\0")
         assert "no service" in viewer.text("serviceCallFailure")["message"]
         viewer.send({"op": "subscribeParameterUpdates", "parameterNames": ["/speed"]})
-        stop = threading.Event()
-
-        def change():
-            value = 0.0
-            while not stop.wait(0.2):
-                value += 0.5
-                graph.master().setParam("/speed", value)
-        changer = threading.Thread(target=change)
-        changer.start()
-        try:
+        values = itertools.count(0.5, 0.5)
+        with repeating(lambda: graph.master().setParam("/speed", next(values)), 0.2):
             told, = viewer.text("parameterValues")["parameters"]
-        finally:
-            stop.set()
-            changer.join()
         assert told["name"] == "/speed" and told["type"] == "float64"
         assert "advertiseServices" not in viewer.told
 

@@ -1,10 +1,8 @@
 """The driver with the report of a probe, on the controller that the report describes: its whole day, once."""
-import contextlib
 import json
 
 import pytest
-from arm_day import live_a_day
-from driver_bench import Arm, DriverProcess, SimulatorProcess, on
+from arm_day import live_a_day, probed_arm
 from import_graph import ROOT
 
 from jaka_ros_driver.probe import report
@@ -24,20 +22,10 @@ def written(folder, facts):
     return str(folder / "probe.json")
 
 
-@contextlib.contextmanager
-def probed_arm(folder, facts):
-    """Yield the arm of a driver with this report, on a simulated controller that is like it and off at first."""
-    path = written(folder, facts)
-    firmware = report.firmware_of({"version": Fact(facts.get("version"), "")}) or "1.7.2"
-    with contextlib.closing(SimulatorProcess("--like", path, "--firmware", firmware)) as simulator:
-        with DriverProcess(controller_profile=path, auto_enable=False, **on(simulator, guard=False)):
-            arm = Arm(simulator)
-            arm.wait_until_seen()
-            yield arm
-
-
 @pytest.mark.parametrize("facts", [*(json.loads(path.read_text(encoding="utf-8"))["facts"] for path in RECORDS),
                                    *DRAWN.values()], ids=[*(path.stem for path in RECORDS), *DRAWN])
 def test_power_move_jog_servo_stop_outputs_and_recovery(ros_node, tmp_path, facts):
-    with probed_arm(tmp_path, facts) as arm:
+    path = written(tmp_path, facts)
+    firmware = report.firmware_of({"version": Fact(facts.get("version"), "")}) or "1.7.2"
+    with probed_arm(path, "--like", path, "--firmware", firmware, guard=False) as arm:
         live_a_day(arm)

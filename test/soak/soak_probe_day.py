@@ -21,8 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/live", "test/probe")]
 
-from arm_day import live_a_day  # noqa: E402
-from driver_bench import Arm, DriverProcess, SimulatorProcess, on  # noqa: E402
+from arm_day import live_a_day, probed_arm  # noqa: E402
 from probe_bench import drawn  # noqa: E402
 from ros_graph import master  # noqa: E402
 from virtual_probe import probed  # noqa: E402
@@ -42,11 +41,8 @@ def day_of(seed, folder):
     found, as_dialect = folder / "probe.json", folder / "dialect.json"
     found.write_text(json.dumps(report.as_json(facts, list(bench.stages), True)), encoding="utf-8")
     as_dialect.write_text(json.dumps(dialect.as_dict()), encoding="utf-8")
-    with contextlib.closing(SimulatorProcess("--firmware", firmware, "--dialect", str(as_dialect))) as simulator:
-        with DriverProcess(controller_profile=str(found), auto_enable=False, **on(simulator)):
-            arm = Arm(simulator)
-            arm.wait_until_seen()
-            live_a_day(arm)
+    with probed_arm(str(found), "--firmware", firmware, "--dialect", str(as_dialect)) as arm:
+        live_a_day(arm)
 
 
 def main():

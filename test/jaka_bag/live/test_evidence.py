@@ -25,20 +25,13 @@ KILLED_LOSS_S = 1.1
 def sending(publisher, outlet, period_s=0.002):
     """Send numbered messages, stamped with the time of sending, until the context ends; yield the list of times, ns."""
     stamps = []
-    ending = threading.Event()
 
     def send():
-        while not ending.wait(period_s):
-            now = time.time_ns()
-            publisher.publish(outlet, twist_frame(len(stamps) + 1, now))
-            stamps.append(now)
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
+        now = time.time_ns()
+        publisher.publish(outlet, twist_frame(len(stamps) + 1, now))
+        stamps.append(now)
+    with waiting.repeating(send, period_s):
         yield stamps
-    finally:
-        ending.set()
-        thread.join()
 
 
 def readable_stamps(path):

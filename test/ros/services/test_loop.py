@@ -8,7 +8,7 @@ import time
 from unittest.mock import MagicMock
 
 import pytest
-from waiting import WAIT, eventually
+from waiting import WAIT, eventually, repeating
 
 from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS
 from jaka_ros_driver.ros.services import loop as loop_module
@@ -404,29 +404,24 @@ def test_a_hundred_clients_that_call_take_few_threads_and_a_stop_passes_them(cel
         return ok(body)
 
     clients = [cell.client(answer) for _ in range(CLIENTS)]
-    stop, is_over, answered = cell.client(is_stop=True), threading.Event(), []
+    stop, answered, selector = cell.client(is_stop=True), [], selectors.DefaultSelector()
+    for client in clients:
+        selector.register(client.sock, selectors.EVENT_READ, client)
+        client.ask(b"io")
 
     def flood():
-        selector = selectors.DefaultSelector()
-        for client in clients:
-            selector.register(client.sock, selectors.EVENT_READ, client)
-            client.ask(b"io")
-        while not is_over.is_set():
-            for key, _ in selector.select(0.1):
-                answered.append(key.data.answer())
-                key.data.ask(b"io")
+        for key, _ in selector.select(0.1):
+            answered.append(key.data.answer())
+            key.data.ask(b"io")
 
-    flooding = threading.Thread(target=flood, daemon=True)
-    flooding.start()
     took, threads = [], []
-    for _ in range(30):
-        began = time.monotonic()
-        assert stop.call(b"stop") == b"stop"
-        took.append(time.monotonic() - began)
-        threads.append(cell.threads())
-        time.sleep(0.01)
-    is_over.set()
-    flooding.join(WAIT)
+    with repeating(flood):
+        for _ in range(30):
+            began = time.monotonic()
+            assert stop.call(b"stop") == b"stop"
+            took.append(time.monotonic() - began)
+            threads.append(cell.threads())
+            time.sleep(0.01)
     assert sorted(took)[len(took) // 2] < 0.1, took
     assert len(answered) > CLIENTS and set(answered) == {b"io"}
     assert max(threads) <= 20, threads

@@ -3,7 +3,6 @@ import contextlib
 import selectors
 import signal
 import socket
-import threading
 from pathlib import Path
 from urllib.parse import urlparse
 
@@ -12,7 +11,7 @@ import rosgraph
 import rospy
 from driver_bench import TYPES, LiveDriver
 from rosgraph.network import encode_ros_handshake_header
-from waiting import WAIT, eventually
+from waiting import WAIT, eventually, repeating
 
 MOST = 20
 """Most threads of the driver: those of docs/architecture.md, and two for a node that looks at it just then."""
@@ -31,12 +30,11 @@ def live(ros_node, tmp_path, monkeypatch):
 def listeners(live, count):
     """Listen so many times to each topic, and read all of it; yield the bytes that each has read."""
     uri = urlparse(rosgraph.Master("/tests").lookupService(live.arm.name + "/get_io"))
-    selector, read, ends = selectors.DefaultSelector(), {}, threading.Event()
+    selector, read = selectors.DefaultSelector(), {}
 
     def drain():
-        while not ends.is_set():
-            for key, _ in selector.select(0.1):
-                read[key.fileobj] += len(key.fileobj.recv(1 << 16))
+        for key, _ in selector.select(0.1):
+            read[key.fileobj] += len(key.fileobj.recv(1 << 16))
 
     with contextlib.ExitStack() as stack:
         for name in TOPICS:
@@ -47,33 +45,24 @@ def listeners(live, count):
                     "type": "*"}))
                 read[sock] = 0
                 selector.register(sock, selectors.EVENT_READ)
-        draining = threading.Thread(target=drain)
-        draining.start()
-        try:
+        with repeating(drain):
             yield read
-        finally:
-            ends.set()
-            draining.join(WAIT)
 
 
 @contextlib.contextmanager
 def clients(live, count):
     """Let so many clients call again and again, each on a connection that stays; yield the number of calls."""
     proxies = [rospy.ServiceProxy(live.arm.name + "/get_io", TYPES["get_io"], persistent=True) for _ in range(count)]
-    calls, ends = [], threading.Event()
+    calls = []
 
     def call():
-        while not ends.wait(0.01):
-            for proxy in proxies:
-                calls.append(proxy(signal="digital", path=1, type=0, index=0))
+        for proxy in proxies:
+            calls.append(proxy(signal="digital", path=1, type=0, index=0))
 
-    calling = threading.Thread(target=call)
-    calling.start()
     try:
-        yield calls
+        with repeating(call, 0.01):
+            yield calls
     finally:
-        ends.set()
-        calling.join(WAIT)
         for proxy in proxies:
             proxy.close()
 

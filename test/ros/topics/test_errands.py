@@ -3,7 +3,7 @@ import threading
 import time
 
 import pytest
-from waiting import WAIT, eventually
+from waiting import WAIT, eventually, repeating
 
 from jaka_ros_driver.ros.errands import Errands
 
@@ -38,20 +38,12 @@ def test_one_thread_is_started_however_many_begin(errands):
 
 
 def test_tasks_are_done_at_their_intervals_also_beside_a_flood(errands):
-    often, seldom, ends = [], [], threading.Event()
+    often, seldom = [], []
     errands.every(0.02, lambda: often.append(time.monotonic()))
     errands.every(0.1, lambda: seldom.append(time.monotonic()))
 
-    def flood():
-        while not ends.is_set():
-            errands.soon(lambda: None)
-            time.sleep(0.0005)
-
-    flooding = threading.Thread(target=flood)
-    flooding.start()
-    assert eventually(lambda: len(seldom) >= 5)
-    ends.set()
-    flooding.join(WAIT)
+    with repeating(lambda: errands.soon(lambda: None), 0.0005):
+        assert eventually(lambda: len(seldom) >= 5)
     in_between = [at for at in often if seldom[0] <= at <= seldom[4]]
     assert 10 <= len(in_between) <= 1 + (seldom[4] - seldom[0]) / 0.02, "neither forgotten nor made up for"
     assert seldom[4] - seldom[0] >= 0.3

@@ -1,9 +1,23 @@
 """The whole day of an arm, by the driver's services: power, move, jog, servo, stop, outputs, recovery."""
+import contextlib
 import math
 
 import pytest
-from driver_bench import HOME
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, on
 from waiting import eventually
+
+
+@contextlib.contextmanager
+def probed_arm(report, *simulation, guard=True):
+    """Yield the arm of a driver with the report of a probe, whose path this is; it is off at first.
+
+    simulation: Options of its simulated controller.
+    """
+    with contextlib.closing(SimulatorProcess(*simulation)) as simulator:
+        with DriverProcess(controller_profile=report, auto_enable=False, **on(simulator, guard=guard)):
+            arm = Arm(simulator)
+            arm.wait_until_seen()
+            yield arm
 
 
 def joint(arm):

@@ -5,7 +5,7 @@ import random
 import socket
 import threading
 import time
-from typing import Any, Callable, List, Optional, Tuple, Union
+from typing import Any, Callable, Iterator, List, Optional, Tuple, Union
 
 WAIT = 60.0
 """Longest wait for something that must come, on a busy host, s; never a measure of speed."""
@@ -112,6 +112,22 @@ class InBackground:
         if self.error is not None:
             raise self.error
         return self.result
+
+
+@contextlib.contextmanager
+def repeating(step: Callable[[], Any], pause: float = 0.0) -> Iterator[None]:
+    """Repeat a call in a thread of its own until the block ends, with a pause, s, before each; raise what it raises."""
+    ends = threading.Event()
+
+    def run() -> None:
+        while not ends.wait(pause):
+            step()
+    running = InBackground(run)
+    try:
+        yield
+    finally:
+        ends.set()
+        running.join()
 
 
 def free_ports(count: int) -> List[int]:
