@@ -286,7 +286,7 @@ STEPS: Tuple[MoveStep, ...] = (
              "stops those of all joints", ("jog_stop_ends", "jog_stop_all"), _jog_stop),
     MoveStep("moves it by 2.5 deg at 2 deg/s and sends pause_program after 0.5 deg: does it pause?",
          ("pause_pauses_moves",), _pause),
-    MoveStep("streams it in servo mode by 1.5 deg at 5 deg/s, with gaps, and ends without frames: what does it do?",
+    MoveStep("streams it in servo mode by 1.1 deg at 5 deg/s, with gaps, and ends without frames: what does it do?",
          ("servo_on_time", "servo_gaps", "starvation"), starve),
     MoveStep("sends %d servo frames at once, twice, which lead it by 0.54 deg at most: how many of them count?" % AHEAD,
              ("servo_queue",), frames_ahead),

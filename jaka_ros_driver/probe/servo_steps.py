@@ -12,6 +12,11 @@ from jaka_ros_driver.units import deg_to_rad, rad_to_deg
 
 GAPS_MS = (8, 16, 40, 100)
 """Lengths, ms, of pauses of a servo stream."""
+_DRY, _BEYOND = 1.1, 0.8
+"""Place, deg from home, where a stream of 5 deg/s runs dry; way, deg, of an arm that goes on, at which it is stopped.
+
+That way, and not a time, ends the wait: a busy computer looks late.
+"""
 _TRIES, _CLEAR_S = 3, 0.02
 """Most measurements of a short time, until its least and its greatest value differ by less than this, s."""
 AHEAD, _AHEAD_CYCLES, AHEAD_RAD = 54, 12, deg_to_rad(0.02)
@@ -39,10 +44,10 @@ def starve(it: Moving) -> None:
     if len(taken) == len(GAPS_MS):
         for degrees in (0.03, 0.12, 0.28, 0.5):
             it.arm.stream(it.place(degrees), 10)
-        it.arm.stream(it.place(1.5), 25)
+        it.arm.stream(it.place(_DRY), 15)
     ended = time.monotonic()
-    it.arm.wait(0.25)
-    fact = starvation_fact(it.arm.seen, ended, it.place(1.5), it.place(0.5), had_fault)
+    it.arm.wait(0.25, lambda: abs(it.arm.position - it.home) >= deg_to_rad(_DRY + _BEYOND))
+    fact = starvation_fact(it.arm.seen, ended, it.place(_DRY), it.place(0.5), had_fault)
     if not had_fault and fact.value != "fault" and not it.is_in_servo():
         fact = Fact("fault", "servo mode was off after a pause without frames; the feed showed no error")
     it.facts["starvation"] = fact

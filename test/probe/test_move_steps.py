@@ -67,6 +67,19 @@ def test_what_an_arm_does_whose_stream_runs_dry(starvation, period):
     assert wrong({"starvation": Fact("hold" if starvation != "hold" else "coast", "")}, bench.dialect)
 
 
+@pytest.mark.parametrize("held_up", [0.0, 0.03, 0.06])
+def test_an_arm_that_goes_on_without_frames_is_stopped_by_its_way_also_on_a_busy_computer(monkeypatch, held_up):
+    bench = StepBench(starvation="repeat")
+    select = bench.select
+
+    def late(*words):
+        bench.sleep(held_up)
+        return select(*words)
+    monkeypatch.setattr(bench, "select", late)
+    bench.run(STARVE_STEP)
+    assert 1.9 <= bench.furthest < 3.0
+
+
 @pytest.mark.parametrize("waiting, starvation", [
     (0, "repeat"), (1, "repeat"), (4, "fault"), (4, "coast"), (49, "hold")])
 def test_how_many_frames_wait_whatever_an_arm_does_without_them(waiting, starvation):
