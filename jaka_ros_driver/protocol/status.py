@@ -76,37 +76,26 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         StatusFrameError: An essential field is missing (joint_actual_position, powered_on, enabled, inpos,
             emergency_stop, protective_stop), or a field has the wrong type, too few numbers or an impossible value.
     """
-    joints = _numbers(fields, "joint_actual_position", 6, MAX_JOINT_DEG)
-    if joints is None:
-        raise StatusFrameError("status frame without joint_actual_position")
-    commanded = _numbers(fields, "joint_position", 6, MAX_JOINT_DEG)
-    pose = _numbers(fields, "actual_position", 6, _MAX_LENGTH_MM)
-    if pose is not None and max(map(abs, pose[3:])) > MAX_JOINT_DEG:
-        raise _fail("actual_position", pose, "angles within %g deg" % MAX_JOINT_DEG)
-    velocity = _numbers(fields, "instVel", 6, _MAX_JOINT_SPEED_DEG)
+    positions = _position_part.of(fields)
     speed = _number(fields, "curr_tcp_trans_vel", _MAX_SPEED_MM)
     cabinet_temperature, joint_temperature, joint_current = _monitored(fields.get("monitor_data"))
     return RobotState(
-        joint_position=all_deg_to_rad(joints),
         received_at=received_at,
-        tcp_position=None if pose is None else all_mm_to_m(pose[:3]),
-        tcp_rpy=None if pose is None else all_deg_to_rad(pose[3:]),
-        joint_position_commanded=None if commanded is None else all_deg_to_rad(commanded),
-        joint_velocity=None if velocity is None else all_deg_to_rad(velocity),
         tcp_speed=None if speed is None else mm_to_m(speed),
         error_code=_event_code(fields.get("errcode", "0x0")),
         error_message=text_of(fields.get("errmsg", "")),
         cabinet_temperature=cabinet_temperature,
         joint_temperature=joint_temperature,
         joint_current=joint_current,
+        **positions,
         **_sensor_part.of(fields),
         **_steady_part.of(fields),
         **_io_part.of(fields))
 
 
 class _KnownPart:
-    """Fields of a state that seldom change: where their keys have the values of the previous frame, it is not decoded
-    again.
+    """Fields of a state that seldom change, or not while the arm rests: where their keys have the values of the
+    previous frame, it is not decoded again.
 
     A cache, which changes no result: values that are equal, as 1 and true are, decode to the same.
     """
@@ -130,6 +119,23 @@ class _KnownPart:
             decoded = self._decode(fields)
             self._known = [list(value) if isinstance(value, list) else value for value in values], decoded
         return decoded
+
+
+def _positions(fields: Mapping[str, Any]) -> Dict[str, Any]:
+    joints = _numbers(fields, "joint_actual_position", 6, MAX_JOINT_DEG)
+    if joints is None:
+        raise StatusFrameError("status frame without joint_actual_position")
+    commanded = _numbers(fields, "joint_position", 6, MAX_JOINT_DEG)
+    pose = _numbers(fields, "actual_position", 6, _MAX_LENGTH_MM)
+    if pose is not None and max(map(abs, pose[3:])) > MAX_JOINT_DEG:
+        raise _fail("actual_position", pose, "angles within %g deg" % MAX_JOINT_DEG)
+    velocity = _numbers(fields, "instVel", 6, _MAX_JOINT_SPEED_DEG)
+    return {
+        "joint_position": all_deg_to_rad(joints),
+        "tcp_position": None if pose is None else all_mm_to_m(pose[:3]),
+        "tcp_rpy": None if pose is None else all_deg_to_rad(pose[3:]),
+        "joint_position_commanded": None if commanded is None else all_deg_to_rad(commanded),
+        "joint_velocity": None if velocity is None else all_deg_to_rad(velocity)}
 
 
 def _steady(fields: Mapping[str, Any]) -> Dict[str, Any]:
@@ -322,6 +328,7 @@ def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
 _steady_part = _KnownPart((
     "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop", "drag_status", "paused", "on_soft_limit",
     "interp_state", "rapidrate", "current_tool_id", "current_user_id", "motion_line", "err_add_line"), _steady)
+_position_part = _KnownPart(("joint_actual_position", "joint_position", "actual_position", "instVel"), _positions)
 _sensor_part = _KnownPart(("torqsensor",), lambda fields: dict(zip(
     ("wrench", "sensor_error"), _wrench(fields.get("torqsensor")))))
 _io_part = _KnownPart([key for banks in (_DIGITAL_INPUTS, _DIGITAL_OUTPUTS, _ANALOG_INPUTS, _ANALOG_OUTPUTS)

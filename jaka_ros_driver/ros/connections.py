@@ -11,7 +11,7 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -61,11 +61,12 @@ class PooledConnection:
         self.sock = sock
         self.idle_since = now
 
-    @contextlib.contextmanager
-    def busy(self) -> Iterator[None]:
-        """Mark the connection as busy from a call's request to its reply."""
+    def begins(self) -> None:
+        """Mark the connection as busy: the request of a call has come."""
         self.idle_since = _BUSY
-        yield
+
+    def has_ended(self) -> None:
+        """Mark the connection as idle: its call has its reply."""
         self.idle_since = time.monotonic()
 
 

@@ -37,6 +37,8 @@ LISTENERS = (0, 1, 5, 20)
 CLIENTS = 100
 STOPS = 60
 LISTENERS_OF_AN_ARM = 5
+SETTLED_S = 12.0
+"""Time, s, after which a process is measured: what it does once after its start is not what listeners cost."""
 SLOWEST_HZ = 124.0
 READERS = """
 import selectors, socket, sys, time, xmlrpc.client
@@ -175,8 +177,9 @@ def measured(pid, duration):
 def bare(count, duration):
     process = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
     try:
-        time.sleep(2.0)
+        time.sleep(2.0)  # it has its topics
         with readers(count):
+            time.sleep(SETTLED_S)
             return measured(process.pid, duration)
     finally:
         process.kill()  # rospy's own shutdown may wait for ever for a thread that publishes
@@ -210,6 +213,9 @@ class Measured:
         pid, = [pid for pid in processes_with("__name:=jaka_driver\0") if is_at_this_master(pid)]
         before, self.stops, called = memory_of(pid), [], []
         with readers(listeners), callers(clients) as ask:
+            time.sleep(SETTLED_S)
+            if ask:
+                ask()
             self.cpu, self.threads = measured(pid, duration)
             for _ in range(STOPS):
                 called.append(time.monotonic())

@@ -198,7 +198,7 @@ def test_a_frame_captured_from_a_real_controller_is_understood(root):
     assert state.joint_current == (0.0,) * 6 and state.wrench is None and state.io.field_buses == {}
 
 
-PARTS = status._sensor_part, status._steady_part, status._io_part
+PARTS = status._position_part, status._sensor_part, status._steady_part, status._io_part
 
 
 def afresh(fields):
@@ -220,7 +220,9 @@ ANYTHING = {
     **dict.fromkeys(("din", "dout", "ain", "aout", "tio_din", "tio_dout", "tio_ain", "relay_io", "mb_slave_din",
                      "mb_slave_aout", "pn_dev_dout", "eip_adpt_ain"), ([], [0, 1], [0, 0], [1.5] * 8)),
     "torqsensor": ([SETUP, [0, 0, CONTACT, RAW]], [SETUP, [0, 17, CONTACT, RAW]], [SETUP, 7], 5),
-    "joint_actual_position": ([0.0] * 6, [1.0] * 6), "errcode": ("0x0", "0x2F0006", 5), "errmsg": ("", "x")}
+    **dict.fromkeys(("joint_actual_position", "joint_position", "actual_position", "instVel"),
+                    ([0.0] * 6, [1.0] * 6, [0, 0, 0, 0, 0, 1e-9], [1.0] * 9, [1e38] * 6, [1.0] * 5, "x")),
+    "errcode": ("0x0", "0x2F0006", 5), "errmsg": ("", "x")}
 
 
 @given(st.lists(st.sampled_from(sorted(ANYTHING)).flatmap(lambda key: st.tuples(st.just(key), st.sampled_from(
@@ -247,6 +249,11 @@ def test_a_list_that_is_changed_in_place_is_decoded_again():
     fields["din"][0] = fields["relay_io"][0] = 1
     io = parse_status(fields, 0.0).io
     assert io.digital_inputs[IoBank.CABINET] == (1, 1) and io.relays == (1,)
+    fields["joint_actual_position"] = joints = [10.0] * 6
+    rests = parse_status(fields, 0.0).joint_position
+    assert parse_status(fields, 1.0).joint_position is rests, "an arm at rest is not decoded again"
+    joints[5] = 180.0
+    assert parse_status(fields, 2.0).joint_position == (*rests[:5], pytest.approx(math.pi))
 
 
 def test_a_sensor_whose_readings_are_those_of_the_frame_before_is_not_decoded_again(monkeypatch):

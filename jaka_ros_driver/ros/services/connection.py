@@ -32,21 +32,21 @@ class ServiceConnection:
     """
 
     def __init__(self, sock: socket.socket, header: Dict[str, Any], answer: Callable[[bytes], bytes],
-                 running: Callable[[], ContextManager[None]]) -> None:
+                 calls: ContextManager[None]) -> None:
         """Set up the connection.
 
         Args:
             sock: From here on it does not block.
             header: The fields that the client has sent.
             answer: Carries out a request; takes its body and returns the whole answer. Raises UnreadableRequest.
-            running: Returns the context in which a call counts as running.
+            calls: The context in which a call counts as running.
         """
         sock.setblocking(False)
         self._sock = sock
         self._name = printable("%s: connection of %.200s" % (header["service"], header["callerid"]))
         self._is_persistent = header.get("persistent", "").lower() in ("1", "true")
         self._answer = answer
-        self._running = running
+        self._calls = calls
         self._received = bytearray()
         self._unsent = memoryview(b"")
         self._is_over = False
@@ -100,11 +100,13 @@ class ServiceConnection:
 
     def _read(self) -> None:
         """Read what has come; raise OSError where the connection has ended."""
-        with contextlib.suppress(BlockingIOError):
+        try:
             piece = self._sock.recv(_PIECE)
-            if not piece:
-                raise ConnectionError("closed by the client")
-            self._received += piece
+        except BlockingIOError:
+            return
+        if not piece:
+            raise ConnectionError("closed by the client")
+        self._received += piece
 
     def _carry_out(self) -> None:
         """Carry out the first request that has been read, and send the answer."""
@@ -119,14 +121,18 @@ class ServiceConnection:
         body = bytes(self._received[_LENGTH.size:_LENGTH.size + length])
         del self._received[:_LENGTH.size + length]
         self._is_over = not self._is_persistent
-        with self._pooled.busy(), self._running():
+        self._pooled.begins()
+        with self._calls:
             self._unsent = memoryview(self._answer(body))
             self._send()
+        self._pooled.has_ended()
 
     def _send(self) -> None:
         """Send what the socket takes of the answer, and keep the rest."""
-        with contextlib.suppress(BlockingIOError):
+        try:
             self._unsent = self._unsent[self._sock.send(self._unsent):]
+        except BlockingIOError:
+            pass  # the client does not read
 
 
 def error_answer(text: str) -> bytes:

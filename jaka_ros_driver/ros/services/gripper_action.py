@@ -184,7 +184,7 @@ class GripperAction:
     # ---- in the goal's own thread ----
 
     def _carry_out(self, goal: _Goal) -> None:
-        with self._goals.one():
+        with self._goals:
             try:
                 end = self._end_of(goal)
             except JakaError as error:

@@ -78,7 +78,7 @@ class PathAction:
 
     def _carry_out(self, handle: ServerGoalHandle) -> None:
         goal = self._goals[handle.get_goal_id().id]
-        with self._count.one():
+        with self._count:
             try:
                 segments = self._decoder.path(handle.get_goal())
                 goal.done = self._arm.begin_path(segments, goal.is_cancelled.is_set, goal.is_begun.set)

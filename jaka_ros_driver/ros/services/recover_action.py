@@ -63,7 +63,7 @@ class RecoverAction:
 
     def _carry_out(self, goal: ServerGoalHandle) -> None:
         goal_id = goal.get_goal_id().id
-        with self._goals.one():
+        with self._goals:
             try:
                 text = self._recover(goal, self._cancels[goal_id])
                 goal.set_succeeded(messages.RecoverResult(success=True, message=text), text)

@@ -3,12 +3,11 @@
 rospy compares the md5 of the definition with which a client was built. A connection of a client that was built with
 another known definition is served with that definition's request class.
 """
-import contextlib
 import functools
 import io
 import sys
 import threading
-from typing import Any, Callable, Dict, Iterator, Mapping, Optional
+from typing import Any, Callable, Dict, Mapping, Optional
 
 import rosgraph.network
 import rospy
@@ -21,23 +20,20 @@ from jaka_ros_driver.ros.services.loop import SERVICE_LOOP
 
 
 class CallCount:
-    """The number of running calls."""
+    """The number of running calls; a call is within its context from its request to its reply."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._count = 0
 
-    @contextlib.contextmanager
-    def one(self) -> Iterator[None]:
-        """Count a call from its request to its reply."""
+    def __enter__(self) -> None:
         with self._changed:
             self._count += 1
-        try:
-            yield
-        finally:
-            with self._changed:
-                self._count -= 1
-                self._changed.notify_all()
+
+    def __exit__(self, *error: Any) -> None:
+        with self._changed:
+            self._count -= 1
+            self._changed.notify_all()
 
     def wait_for_none(self, timeout: float) -> bool:
         """Wait until no call runs, at most ``timeout`` s; return False when there are still some."""
@@ -86,7 +82,7 @@ class ServiceServer(rospy.Service):
             return None
         note_peer(header, sock)
         answer = functools.partial(self.answer, kind._request_class, header)
-        connection = ServiceConnection(sock, header, answer, self._calls.one)
+        connection = ServiceConnection(sock, header, answer, self._calls)
         try:
             SERVICE_LOOP.add(connection, self._is_stop)
         except OSError:

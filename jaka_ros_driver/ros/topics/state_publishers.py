@@ -3,7 +3,7 @@
 Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
 not made: its making would cost as much as that of those which are read.
 """
-from typing import Any, List, NamedTuple, Optional, Sequence, Type, TypeVar
+from typing import Any, List, NamedTuple, Optional, Sequence, Tuple, Type, TypeVar
 
 import genpy
 import rospy
@@ -88,6 +88,9 @@ class StatePublishers(LoopTask):
         self._repeater = StateRepeater(1.0 / config.publish_rate)
         self._thinner = StateThinner(1.0 / config.publish_rate, arm.settings.feed_period)
         self._newest: Optional[Sample] = None
+        self._pose_of: Tuple[Optional[Vector], Optional[Vector]] = None, None
+        self._pose: Optional[Tuple[float, ...]] = None
+        """Pose of the tool as its topic has it, made anew where the feed has another one."""
 
     def start(self) -> None:
         """Begin to publish."""
@@ -143,7 +146,10 @@ class StatePublishers(LoopTask):
 
     def _publish_tool(self, state: RobotState, stamp: rospy.Time) -> None:
         is_2025 = self._config.is_vendor_2025
-        pose = convert.tool_pose(state) if is_2025 else convert.tool_twist(state, self._config.is_vendor)
+        if state.tcp_position is not self._pose_of[0] or state.tcp_rpy is not self._pose_of[1]:
+            self._pose_of = state.tcp_position, state.tcp_rpy
+            self._pose = convert.tool_pose(state) if is_2025 else convert.tool_twist(state, self._config.is_vendor)
+        pose = self._pose
         if pose is not None:
             frame = self._names.user(state.user_frame_id)
             make = convert.tool_position_2025 if is_2025 else convert.tool_position

@@ -168,7 +168,7 @@ class TrajectoryAction:
     # ---- in the goal's own thread ----
 
     def _watch(self, handle: ServerGoalHandle, done: "Optional[Future[str]]") -> None:
-        with self._count.one():
+        with self._count:
             if done is None:
                 self._hold(handle)
             told: Optional[RobotState] = None

@@ -97,7 +97,7 @@ class Cell:
         peer.connect(self._listener.getsockname())
         here = self._listener.accept()[0]
         fields = dict({"service": "/driver/work", "callerid": "/client", "persistent": "1"}, **header)
-        self.connections.append(ServiceConnection(here, fields, answer, self.calls.one))
+        self.connections.append(ServiceConnection(here, fields, answer, self.calls))
         self.loop.add(self.connections[-1], is_stop)
         return Client(peer)
 

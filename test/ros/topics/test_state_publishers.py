@@ -6,6 +6,7 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import IDENTITY
+from jaka_ros_driver.ros import convert
 from jaka_ros_driver.ros.packed import PackedLayout
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import state_publishers
@@ -108,6 +109,19 @@ def test_a_new_state_is_on_every_topic(bench):
     assert set(bench.counts().values()) == {1} and len(bench.topics) == 5
     assert bench.newest("~joint_position").position == list(STATE.joint_position)
     assert bench.newest("~tool_position").header.frame_id == "user_frame_3"
+
+
+@pytest.mark.parametrize("interface", ["documented", "vendor", "vendor_2025"])
+def test_every_new_pose_of_the_tool_is_published_and_one_at_rest_is_made_once(monkeypatch, interface):
+    bench, made = Bench(monkeypatch, interface=interface), []
+    for name in ("tool_twist", "tool_pose"):
+        make = getattr(convert, name)
+        monkeypatch.setattr(convert, name, lambda *words, make=make: made.append(1) or make(*words))
+    for fields in ({}, {"tcp_position": (0.4, 0.1, 0.2)}, {"tcp_rpy": (0.0, 0.1, 0.5)}, {"tcp_rpy": None}, {}):
+        bench.feed(3, **fields)
+    messages = [str(message).split("frame_id")[1] for message in bench.topics["~tool_position"].messages]
+    assert [messages.count(one) for one in dict.fromkeys(messages)] == [6, 3, 3] and messages[0] == messages[-1]
+    assert len(made) == 5
 
 
 def test_old_news_is_not_published(bench):
