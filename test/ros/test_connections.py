@@ -408,10 +408,14 @@ def test_subscribers_that_have_gone_make_room_for_others():
 
 def test_a_pool_that_is_full_ends_the_one_that_was_idle_longest_and_no_more():
     pool, socks = connections.ConnectionPool("tests", 2), [Sock() for _ in range(4)]
-    with pool.add(socks[0]).busy():
-        for sock in socks[1:]:
-            pool.add(sock)
-        assert [sock.is_shut for sock in socks] == [False, True, True, False]
+    busy = pool.add(socks[0])
+    busy.begins()
+    for sock in socks[1:]:
+        pool.add(sock)
+    assert [sock.is_shut for sock in socks] == [False, True, True, False]
+    busy.has_ended()
+    pool.close_oldest()
+    assert [sock.is_shut for sock in socks] == [False, True, True, True], "it is the one that was idle longest"
 
 
 def test_a_connection_that_has_just_come_is_spared():
@@ -450,11 +454,11 @@ def test_a_subscriber_is_handed_to_the_topics_and_a_caller_to_the_services(field
 def test_the_count_of_calls_is_none_again_when_the_last_one_has_ended():
     calls = CallCount()
     assert calls.wait_for_none(0.0)
-    with calls.one():
-        with calls.one():
+    with calls:
+        with calls:
             pass
         assert not calls.wait_for_none(0.0)
     assert calls.wait_for_none(0.0)
-    with pytest.raises(KeyError), calls.one():
+    with pytest.raises(KeyError), calls:
         raise KeyError("a call that fails has ended, too")
     assert calls.wait_for_none(0.0)

@@ -60,6 +60,6 @@ def test_the_end_waits_for_calls_under_way_and_says_when_one_is_left(caplog):
     services = Services(None, None, None, Recorder(None))
     services.finish_calls(0.01)
     assert not caplog.records
-    with services._calls.one():
+    with services._calls:
         services.finish_calls(0.01)
     assert "not answered" in caplog.text
